@@ -1,0 +1,423 @@
+"""What the renderer sees of a scene: plain frozen values, checked on construction.
+
+Lengths are in the stage's units, since extinction is authored per stage unit and nothing in the transport
+depends on the metre; `Scene.meters_per_unit` is carried along for the files' headers. Radiance is linear
+Rec.709. Matrices are 4x4 float64 that act on column vectors: ``p_world = M @ p_local``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from fgf_warp.errors import SceneError
+from fgf_warp.theory.law import LineLaw, build_line_law
+
+Rgb = tuple[float, float, float]
+Vec3 = tuple[float, float, float]
+Transport = Literal["reciprocal", "renewal"]
+TRANSPORTS: tuple[Transport, ...] = ("reciprocal", "renewal")
+
+WHITE: Rgb = (1.0, 1.0, 1.0)
+BLACK: Rgb = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera.
+
+    Args:
+        name: the prim path, for messages.
+        camera_to_world: (4, 4) float64; the camera looks along its local -z, with +y up and +x right.
+        focal_length: > 0, in the unit of the apertures.
+        horizontal_aperture: > 0, width of the film.
+        vertical_aperture: > 0, height of the film.
+        horizontal_offset: shift of the film to the right, in the unit of the apertures.
+        vertical_offset: shift of the film upwards.
+    """
+
+    name: str
+    camera_to_world: np.ndarray
+    focal_length: float = 50.0
+    horizontal_aperture: float = 20.955
+    vertical_aperture: float = 15.2908
+    horizontal_offset: float = 0.0
+    vertical_offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_matrix(self.name, "camera_to_world", self.camera_to_world)
+        for key in ("focal_length", "horizontal_aperture", "vertical_aperture"):
+            _check_range(self.name, key, getattr(self, key), "> 0", lambda x: x > 0)
+        for key in ("horizontal_offset", "vertical_offset"):
+            _check_range(self.name, key, getattr(self, key), "finite", lambda x: True)
+
+    @property
+    def aspect_ratio(self) -> float:
+        """Width of the film over its height."""
+        return self.horizontal_aperture / self.vertical_aperture
+
+    @property
+    def position(self) -> np.ndarray:
+        """(3,) float64, the pinhole in world space."""
+        return self.camera_to_world[:3, 3]
+
+    def window(self, width: int, height: int) -> tuple[float, float, float, float]:
+        """Left, right, bottom and top of the image on the plane at unit distance.
+
+        Where the image's aspect ratio is not the film's, the film is widened until it covers the image
+        (USD's default conform policy ``expandAperture``).
+        """
+        half_w, half_h = self.horizontal_aperture / 2, self.vertical_aperture / 2
+        image_aspect = width / height
+        half_w, half_h = max(half_w, half_h * image_aspect), max(half_h, half_w / image_aspect)
+        return (
+            (self.horizontal_offset - half_w) / self.focal_length,
+            (self.horizontal_offset + half_w) / self.focal_length,
+            (self.vertical_offset - half_h) / self.focal_length,
+            (self.vertical_offset + half_h) / self.focal_length,
+        )
+
+
+@dataclass(frozen=True)
+class Medium:
+    """A homogeneous medium whose extinction is a fractional Gaussian field.
+
+    Args:
+        name: the material's prim path, for messages and labels.
+        mean_extinction: sigma_m [1/stage unit], > 0 (0 is accepted for the classical exponential).
+        albedo: single-scattering albedo per channel, in [0, 1].
+        asymmetry: Henyey-Greenstein g in (-1, 1), > 0 scatters forward.
+        hurst: Hurst exponent H; -0.5 is white noise. Domain: section 3 of the theory, see `build_line_law`.
+        white_noise_scale: S_w [stage unit^(-2-2H)], >= 0; 0 is the classical exponential.
+        outer_scale: L [stage unit], > 0; needed where H > 0, not used elsewhere.
+        kappa: authored directly, in [0, 1e8]; it then replaces the value that follows from S_w.
+        extinction_color: multiplies `mean_extinction` per channel, >= 0.
+        transport: None chooses reciprocal where H >= -1/2 and renewal below.
+        priority: of nested media, the one with the highest priority fills the space.
+
+    Raises:
+        SceneError: naming the medium, the parameter, its value and the accepted range.
+    """
+
+    name: str
+    mean_extinction: float
+    albedo: Rgb = WHITE
+    asymmetry: float = 0.0
+    hurst: float = -0.5
+    white_noise_scale: float = 0.0
+    outer_scale: float | None = None
+    kappa: float | None = None
+    extinction_color: Rgb = WHITE
+    transport: Transport | None = None
+    priority: int = 0
+
+    def __post_init__(self) -> None:
+        _check_color(self.name, "albedo", self.albedo, upper=1.0)
+        _check_color(self.name, "extinction_color", self.extinction_color)
+        _check_range(self.name, "g", self.asymmetry, "in (-1, 1)", lambda g: -1 < g < 1)
+        if self.transport not in (None, *TRANSPORTS):
+            raise SceneError(f"{self.name}: transport = {self.transport!r}; accepted: {', '.join(TRANSPORTS)}")
+        _ = self.line_law
+        if self.transport == "reciprocal" and self.line_law.b < 0:
+            raise SceneError(
+                f"{self.name}: transport = 'reciprocal' with H = {self.hurst:g}; accepted for H < -0.5: renewal only"
+            )
+
+    @cached_property
+    def line_law(self) -> LineLaw:
+        """Regime, b and kappa of this medium.
+
+        Raises:
+            SceneError: where a parameter is out of the law's domain.
+        """
+        try:
+            return build_line_law(
+                hurst=self.hurst,
+                white_noise_scale=self.white_noise_scale,
+                mean_extinction=self.mean_extinction,
+                outer_scale=self.outer_scale,
+                kappa=self.kappa,
+            )
+        except ValueError as error:
+            raise SceneError(f"{self.name}: {error}") from error
+
+    @property
+    def resolved_transport(self) -> Transport:
+        """The transport in force: as authored, else reciprocal where H >= -1/2 and renewal below."""
+        return self.transport or ("reciprocal" if self.line_law.b >= 0 else "renewal")
+
+    @property
+    def is_chromatic(self) -> bool:
+        """True where the channels differ in extinction."""
+        return len(set(self.extinction_color)) > 1
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A two-sided diffuse surface that may glow.
+
+    Args:
+        diffuse: reflectance per channel, in [0, 1].
+        emission: emitted radiance per channel, >= 0, from both sides.
+    """
+
+    diffuse: Rgb = (0.18, 0.18, 0.18)
+    emission: Rgb = BLACK
+
+    def __post_init__(self) -> None:
+        _check_color("surface", "diffuse", self.diffuse, upper=1.0)
+        _check_color("surface", "emission", self.emission)
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A canonical solid under an affine transform.
+
+    ``sphere`` has radius 1, ``cube`` is [-1, 1]^3, ``cylinder`` has radius 1 around z with caps at z = -1, 1.
+
+    Args:
+        name: the prim path.
+        kind: which solid.
+        object_to_world: (4, 4) float64, invertible.
+        surface: what its surface does to light; None lets light through unchanged (a boundary 'none').
+        medium: index into `Scene.media` of what fills it, or None.
+    """
+
+    name: str
+    kind: Literal["sphere", "cube", "cylinder"]
+    object_to_world: np.ndarray
+    surface: Surface | None = None
+    medium: int | None = None
+
+    def __post_init__(self) -> None:
+        _check_matrix(self.name, "object_to_world", self.object_to_world)
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A triangle mesh in world space.
+
+    Args:
+        name: the prim path.
+        points: (n, 3) float, finite.
+        triangles: (m, 3) int32 indices into points; counter-clockwise seen from outside.
+        surface: as for `Solid`.
+        medium: index into `Scene.media`, or None. The mesh must then be closed.
+
+    Raises:
+        SceneError: for points that are not finite, indices out of range, or a medium in a mesh that is not
+            closed (an edge that two triangles do not share in opposite directions).
+    """
+
+    name: str
+    points: np.ndarray
+    triangles: np.ndarray
+    surface: Surface | None = None
+    medium: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.points.ndim != 2 or self.points.shape[1] != 3 or not np.isfinite(self.points).all():
+            raise SceneError(f"{self.name}: points must be a finite (n, 3) array")
+        if self.triangles.ndim != 2 or self.triangles.shape[1] != 3 or not len(self.triangles):
+            raise SceneError(f"{self.name}: the mesh has no triangles")
+        if self.triangles.min() < 0 or self.triangles.max() >= len(self.points):
+            raise SceneError(f"{self.name}: face vertex indices must lie in [0, {len(self.points) - 1}]")
+        if self.medium is not None:
+            open_edges = count_open_edges(self.points, self.triangles)
+            if open_edges:
+                raise SceneError(
+                    f"{self.name}: a medium needs a closed mesh, and this one has {open_edges} open or "
+                    "inconsistently oriented edges"
+                )
+
+
+Shape = Solid | Mesh
+
+
+@dataclass(frozen=True)
+class DistantLight:
+    """Light from one direction, or from a cone around it.
+
+    Args:
+        name: the prim path.
+        direction: unit vector along which the light travels.
+        half_angle: of the cone, radians in [0, pi/2]; 0 is a delta light.
+        radiance: of the cone's disc; for half_angle = 0 the irradiance on a surface that faces the light.
+    """
+
+    name: str
+    direction: Vec3
+    half_angle: float
+    radiance: Rgb
+
+    def __post_init__(self) -> None:
+        _check_color(self.name, "radiance", self.radiance)
+        _check_range(self.name, "half_angle", self.half_angle, "in [0, pi/2]", lambda x: 0 <= x <= math.pi / 2)
+        _check_range(self.name, "|direction|", math.hypot(*self.direction), "1", lambda x: abs(x - 1) < 1e-5)
+
+
+@dataclass(frozen=True)
+class DomeLight:
+    """An environment of constant radiance.
+
+    Args:
+        name: the prim path.
+        radiance: >= 0 per channel.
+    """
+
+    name: str
+    radiance: Rgb
+
+    def __post_init__(self) -> None:
+        _check_color(self.name, "radiance", self.radiance)
+
+
+@dataclass(frozen=True)
+class AreaLight:
+    """A flat light that emits to the side of ``cross(half_u, half_v)`` and is black behind.
+
+    Args:
+        name: the prim path.
+        shape: ``rect``, the parallelogram center +- half_u +- half_v, or ``disk``, the ellipse within it.
+        center: [stage unit].
+        half_u: from the center to the middle of one side.
+        half_v: from the center to the middle of the next side.
+        radiance: >= 0 per channel.
+    """
+
+    name: str
+    shape: Literal["rect", "disk"]
+    center: Vec3
+    half_u: Vec3
+    half_v: Vec3
+    radiance: Rgb
+
+    def __post_init__(self) -> None:
+        _check_color(self.name, "radiance", self.radiance)
+        _check_range(self.name, "area", self.area, "> 0", lambda x: x > 0)
+
+    @property
+    def area(self) -> float:
+        """[stage unit^2]."""
+        cross = float(np.linalg.norm(np.cross(self.half_u, self.half_v)))
+        return cross * (4.0 if self.shape == "rect" else math.pi)
+
+
+@dataclass(frozen=True)
+class SphereLight:
+    """A sphere that emits outwards.
+
+    Args:
+        name: the prim path.
+        center: [stage unit].
+        radius: > 0.
+        radiance: >= 0 per channel.
+    """
+
+    name: str
+    center: Vec3
+    radius: float
+    radiance: Rgb
+
+    def __post_init__(self) -> None:
+        _check_color(self.name, "radiance", self.radiance)
+        _check_range(self.name, "radius", self.radius, "> 0", lambda x: x > 0)
+
+
+Light = DistantLight | DomeLight | AreaLight | SphereLight
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All that one render needs of a stage.
+
+    Args:
+        camera: where the picture is taken from.
+        shapes: surfaces and boundaries of media.
+        media: what `shapes` refer to by index.
+        lights: the scene's light sources.
+        meters_per_unit: of the stage, > 0; carried into the headers of files.
+        source: where the scene came from, for headers and messages.
+
+    Raises:
+        SceneError: where a shape names a medium that is not there.
+    """
+
+    camera: Camera
+    shapes: tuple[Shape, ...] = ()
+    media: tuple[Medium, ...] = ()
+    lights: tuple[Light, ...] = ()
+    meters_per_unit: float = 0.01
+    source: str = field(default="")
+
+    def __post_init__(self) -> None:
+        for shape in self.shapes:
+            if shape.medium is not None and not 0 <= shape.medium < len(self.media):
+                raise SceneError(f"{shape.name}: medium {shape.medium} is not one of the scene's {len(self.media)}")
+
+    def medium_index(self, name: str | None = None) -> int:
+        """Index of the medium called `name`, or of the only one.
+
+        Raises:
+            SceneError: where there is none of that name, or no single one to take.
+        """
+        names = [medium.name for medium in self.media]
+        if name is None and len(names) == 1:
+            return 0
+        if name in names:
+            return names.index(name)
+        asked = f"no medium {name!r}" if name else "the medium must be named"
+        raise SceneError(f"{self.source or 'scene'}: {asked}; it has: {', '.join(names) or 'none'}")
+
+    def with_medium(self, index: int, medium: Medium) -> Scene:
+        """The same scene with one medium replaced."""
+        return replace(self, media=(*self.media[:index], medium, *self.media[index + 1 :]))
+
+
+def count_open_edges(points: np.ndarray, triangles: np.ndarray) -> int:
+    """Number of directed edges of a mesh that no triangle runs along in the other direction.
+
+    Points that coincide are taken as one, so seams between texture or normal islands do not count.
+
+    Args:
+        points: (n, 3) float.
+        triangles: (m, 3) int.
+
+    Returns:
+        0 for a closed, consistently oriented mesh.
+    """
+    _, welded = np.unique(np.asarray(points), axis=0, return_inverse=True)
+    corners = welded.reshape(-1)[np.asarray(triangles)]
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]).astype(np.int64)
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    n = len(points)
+    forward, forward_count = np.unique(edges[:, 0] * n + edges[:, 1], return_counts=True)
+    backward, backward_count = np.unique(edges[:, 1] * n + edges[:, 0], return_counts=True)
+    shared, at_forward, at_backward = np.intersect1d(forward, backward, assume_unique=True, return_indices=True)
+    matched = np.minimum(forward_count[at_forward], backward_count[at_backward]).sum() if len(shared) else 0
+    return int(len(edges) - matched)
+
+
+def _check_range(name: str, key: str, value: float, accepted: str, holds: Callable[[float], bool]) -> None:
+    if not math.isfinite(value) or not holds(value):
+        raise SceneError(f"{name}: {key} = {value:g}; accepted: {accepted}")
+
+
+def _check_color(name: str, key: str, color: Sequence[float], upper: float = math.inf) -> None:
+    accepted = "three finite numbers >= 0" if math.isinf(upper) else f"three numbers in [0, {upper:g}]"
+    if len(color) != 3 or not all(math.isfinite(c) and 0 <= c <= upper for c in color):
+        raise SceneError(f"{name}: {key} = {_listed(color)}; accepted: {accepted}")
+
+
+def _check_matrix(name: str, key: str, matrix: np.ndarray) -> None:
+    if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or np.linalg.det(matrix[:3, :3]) == 0:
+        raise SceneError(f"{name}: {key} must be a finite, invertible 4x4 matrix")
+
+
+def _listed(values: Iterable[float]) -> str:
+    return "(" + ", ".join(f"{value:g}" for value in values) + ")"

@@ -1,0 +1,96 @@
+"""How a scene is rendered: everything that trades speed for accuracy, and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from fgf_warp.errors import ConfigError
+
+SEED_MAX = 2**64 - 1
+
+
+class Aov(StrEnum):
+    """Arbitrary output variables beside radiance and alpha."""
+
+    DEPTH = "depth"
+    """Camera-space depth of the nearest surface or medium boundary in the pixel [stage unit]; inf where none is."""
+    VARIANCE = "variance"
+    """Variance of each channel's pixel mean, that is, its squared standard error."""
+    TRANSMITTANCE = "transmittance"
+    """Tr of the first medium segment along the camera ray, per channel; 1 where there is none."""
+    ALBEDO = "albedo"
+    """Diffuse reflectance or single-scattering albedo where the path first interacts; 0 where it never does."""
+    SAMPLES = "samples"
+    """Number of samples in the pixel."""
+
+
+@dataclass(frozen=True)
+class RenderSettings:
+    """What to compute and how far.
+
+    Args:
+        width: [pixel], >= 1.
+        height: [pixel], >= 1.
+        spp: samples per pixel, >= 1.
+        seed: in [0, 2^64); equal seeds give equal pixels on one device.
+        max_depth: bound on the number of scattering events of a path, >= 1. Paths that reach it are cut,
+            counted and reported.
+        roulette_depth: number of scattering events after which Russian roulette may end a path, >= 0.
+        aovs: what to write beside radiance and alpha.
+        device: a Warp device name, ``cpu`` or ``cuda:0``.
+        threads: CPU threads of one render, >= 1; None takes every core. It never changes a pixel.
+
+    Raises:
+        ConfigError: naming the setting, its value and the accepted range.
+    """
+
+    width: int = 512
+    height: int = 512
+    spp: int = 128
+    seed: int = 0
+    max_depth: int = 1024
+    roulette_depth: int = 8
+    aovs: frozenset[Aov] = frozenset()
+    device: str = "cpu"
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        for key, lower, upper in (
+            ("width", 1, 65536),
+            ("height", 1, 65536),
+            ("spp", 1, 2**31 - 1),
+            ("seed", 0, SEED_MAX),
+            ("max_depth", 1, 2**24),
+            ("roulette_depth", 0, 2**24),
+        ):
+            value = getattr(self, key)
+            if not isinstance(value, int) or not lower <= value <= upper:
+                raise ConfigError(f"{key} = {value!r}; accepted: an integer in [{lower}, {upper}]")
+        if self.threads is not None and self.threads < 1:
+            raise ConfigError(f"threads = {self.threads}; accepted: an integer >= 1")
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A named point on the trade of speed for accuracy.
+
+    Args:
+        spp: samples per pixel.
+        max_depth: bound on the number of scattering events.
+        roulette_depth: events before Russian roulette starts.
+    """
+
+    spp: int
+    max_depth: int
+    roulette_depth: int
+
+
+PREVIEW = Preset(spp=16, max_depth=64, roulette_depth=4)
+"""A look at the picture: noisy, and biased low where more than 64 scattering events matter."""
+BALANCED = Preset(spp=128, max_depth=1024, roulette_depth=8)
+"""The default."""
+REFERENCE = Preset(spp=4096, max_depth=65536, roulette_depth=32)
+"""For comparison with: no measurable bias from the bound on the path length."""
+
+PRESETS: dict[str, Preset] = {"preview": PREVIEW, "balanced": BALANCED, "reference": REFERENCE}

@@ -1,0 +1,184 @@
+"""From the field's parameters (H, S_w, sigma_m, L) to the two numbers that the transport needs: b and kappa.
+
+Every regime of a fractional Gaussian field is one family in the mean optical depth u = sigma_m t::
+
+    y(u) = kappa u^b        Tr(u) = exp(-u log1p(y) / y)
+
+with b = min(1 + 2H, 1) and kappa the line variance in units of the mean. Source: Guo et al. 2019, supplement,
+equations (9) to (14); (12) with its sign corrected.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+Regime = Literal["exponential", "white", "pink", "negative", "fbm", "kfbm"]
+
+REGIME_NAMES: dict[Regime, str] = {
+    "exponential": "classical exponential",
+    "white": "white noise",
+    "pink": "pink noise",
+    "negative": "negative correlation (empirical)",
+    "fbm": "fractional Brownian motion",
+    "kfbm": "k-th order fractional Brownian motion",
+}
+
+HURST_MIN = -0.98
+"""Accepted H lies above: v(t) diverges at H = -1."""
+HURST_GUARD = 0.01
+"""Accepted H keeps this distance from every integer >= 0, where v(t) diverges."""
+KAPPA_MAX = 1e8
+"""Above it float32 transport is not tested."""
+CLUSTER_B = 0.02
+"""0 < b below it: medium vertices cluster at zero distance (the white-noise limit of Tmm)."""
+FBM_ERROR = 0.1
+"""(t/L)^min(1, 2H), the order of the error of the asymptotic fBm variance, above which a warning is due."""
+
+
+@dataclass(frozen=True)
+class LineLaw:
+    """The transmittance law along a line.
+
+    Args:
+        regime: which of the theory's regimes the parameters lie in.
+        b: exponent of the optical depth, in (-0.98, 1].
+        kappa: >= 0; 0 is the classical exponential.
+        hurst: H.
+        mean_extinction: sigma_m [1/length].
+        outer_scale: L [length], or None.
+    """
+
+    regime: Regime
+    b: float
+    kappa: float
+    hurst: float
+    mean_extinction: float
+    outer_scale: float | None
+
+    @property
+    def is_exponential(self) -> bool:
+        """True where Tr is exp(-rate u): no correlation, or white noise."""
+        return self.kappa == 0.0 or self.b == 0.0
+
+    def line_variance(self, t: float) -> float:
+        """v(t): variance of the extinction averaged over a segment of length t > 0 [1/length^2]."""
+        return self.kappa * (self.mean_extinction * t) ** self.b * self.mean_extinction / t
+
+    def warnings(self, lengths: Sequence[float] = ()) -> list[str]:
+        """What a user should know about these parameters, one sentence each.
+
+        Args:
+            lengths: segment lengths of interest [length], to judge an fBm against its outer scale.
+        """
+        found = []
+        if 0 < self.b < CLUSTER_B and self.kappa > 0:
+            found.append(
+                f"H = {self.hurst:g} is just above -0.5 (b = {self.b:.3g} < {CLUSTER_B:g}): in the reciprocal transport "
+                "scattering events cluster, and the picture is not that of H = -0.5"
+            )
+        if self.regime in ("fbm", "kfbm") and self.outer_scale is not None and lengths:
+            longest = max(lengths)
+            order = (longest / self.outer_scale) ** min(1.0, 2.0 * self.hurst)
+            if order > FBM_ERROR:
+                found.append(
+                    f"t = {longest:g} is not far below the outer scale L = {self.outer_scale:g}: "
+                    f"the asymptotic variance of H = {self.hurst:g} is off by the order of {order:.0%}"
+                )
+        if self.kappa > 1:
+            found.append(
+                f"kappa = {self.kappa:.4g} > 1: the Gamma law of the line average is then a modelling choice"
+            )
+        if self.b == 1 and self.kappa >= 1:
+            found.append(f"kappa = {self.kappa:.4g} >= 1 with b = 1: the mean free path is infinite")
+        return found
+
+
+def build_line_law(
+    *,
+    hurst: float,
+    white_noise_scale: float,
+    mean_extinction: float,
+    outer_scale: float | None = None,
+    kappa: float | None = None,
+) -> LineLaw:
+    """The line law of a medium; section 3 of the theory is its domain.
+
+    Args:
+        hurst: H > -0.98, at least 0.01 from 0, 1, 2, ...
+        white_noise_scale: S_w >= 0 [length^(-2-2H)].
+        mean_extinction: sigma_m [1/length], > 0; >= 0 where S_w = 0.
+        outer_scale: L > 0 [length]; required where H > 0.
+        kappa: in [0, 1e8]; replaces the value that follows from S_w.
+
+    Raises:
+        ValueError: naming the parameter, its value and the accepted range.
+    """
+    _check("H", hurst, f"> {HURST_MIN:g}", hurst > HURST_MIN)
+    nearest = max(0, round(hurst))
+    _check(
+        "H", hurst, f"at least {HURST_GUARD:g} away from {nearest}, where the variance diverges",
+        abs(hurst - nearest) >= HURST_GUARD,
+    )
+    _check("S_w", white_noise_scale, ">= 0", white_noise_scale >= 0)
+    correlated = (white_noise_scale if kappa is None else kappa) > 0
+    _check("sigma_m", mean_extinction, "> 0" if correlated else ">= 0",
+           mean_extinction > 0 or (mean_extinction == 0 and not correlated))
+    if outer_scale is not None:
+        _check("L", outer_scale, "> 0", outer_scale > 0)
+    elif hurst > 0 and correlated and kappa is None:
+        raise ValueError(f"H = {hurst:g} needs an outer scale L; accepted: > 0")
+    if kappa is None:
+        kappa = _kappa(hurst, white_noise_scale, mean_extinction, outer_scale) if correlated else 0.0
+        origin = f" (from S_w = {white_noise_scale:g}, sigma_m = {mean_extinction:g}, H = {hurst:g})"
+    else:
+        origin = ""
+    _check(f"kappa{origin}", kappa, f"in [0, {KAPPA_MAX:g}]", 0 <= kappa <= KAPPA_MAX)
+    return LineLaw(
+        regime=classify_regime(hurst) if kappa > 0 else "exponential",
+        b=min(1.0 + 2.0 * hurst, 1.0),
+        kappa=kappa,
+        hurst=hurst,
+        mean_extinction=mean_extinction,
+        outer_scale=outer_scale,
+    )
+
+
+def classify_regime(hurst: float) -> Regime:
+    """The regime of the Hurst exponent H in (-1, inf), integers >= 0 excluded."""
+    if hurst == -0.5:
+        return "white"
+    if hurst < -0.5:
+        return "negative"
+    if hurst < 0:
+        return "pink"
+    return "fbm" if hurst < 1 else "kfbm"
+
+
+def _kappa(hurst: float, white_noise_scale: float, mean_extinction: float, outer_scale: float | None) -> float:
+    """kappa of section 2 of the theory, in log space so that L^(2H) cannot overflow.
+
+    With k = ceil(H) and Gamma(2H+2) = (2H+1) Gamma(2H+1), the fBm line and the k-th order line of section 1 are one:
+    v = S_w binom(2H-1, k-1) L^(2H) / (Gamma(2H+2) |sin(pi H)|).
+    """
+    log_sine = math.log(abs(math.sin(math.pi * (hurst - round(hurst)))))
+    if hurst < 0:
+        log_k = math.log(white_noise_scale) - math.lgamma(2 * hurst + 3) - log_sine
+        return _exp(log_k - (2 * hurst + 2) * math.log(mean_extinction))
+    assert outer_scale is not None
+    order = math.ceil(hurst)
+    log_binomial = sum(math.log((2 * hurst - j) / j) for j in range(1, order))
+    log_v = math.log(white_noise_scale) + log_binomial + 2 * hurst * math.log(outer_scale)
+    log_v -= math.lgamma(2 * hurst + 2) + log_sine
+    return _exp(log_v - 2 * math.log(mean_extinction))
+
+
+def _exp(x: float) -> float:
+    return math.exp(x) if x < 709.0 else math.inf
+
+
+def _check(name: str, value: float, accepted: str, holds: bool) -> None:
+    if math.isnan(value) or not holds or (math.isinf(value) and not name.startswith("kappa")):
+        raise ValueError(f"{name} = {value:g}; accepted: {accepted}")
