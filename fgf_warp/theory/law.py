@@ -88,9 +88,7 @@ class LineLaw:
                     f"the asymptotic variance of H = {self.hurst:g} is off by the order of {order:.0%}"
                 )
         if self.kappa > 1:
-            found.append(
-                f"kappa = {self.kappa:.4g} > 1: the Gamma law of the line average is then a modelling choice"
-            )
+            found.append(f"kappa = {self.kappa:.4g} > 1: the Gamma law of the line average is then a modelling choice")
         if self.b == 1 and self.kappa >= 1:
             found.append(f"kappa = {self.kappa:.4g} >= 1 with b = 1: the mean free path is infinite")
         return found
@@ -119,13 +117,19 @@ def build_line_law(
     _check("H", hurst, f"> {HURST_MIN:g}", hurst > HURST_MIN)
     nearest = max(0, round(hurst))
     _check(
-        "H", hurst, f"at least {HURST_GUARD:g} away from {nearest}, where the variance diverges",
+        "H",
+        hurst,
+        f"at least {HURST_GUARD:g} away from {nearest}, where the variance diverges",
         abs(hurst - nearest) >= HURST_GUARD,
     )
     _check("S_w", white_noise_scale, ">= 0", white_noise_scale >= 0)
     correlated = (white_noise_scale if kappa is None else kappa) > 0
-    _check("sigma_m", mean_extinction, "> 0" if correlated else ">= 0",
-           mean_extinction > 0 or (mean_extinction == 0 and not correlated))
+    _check(
+        "sigma_m",
+        mean_extinction,
+        "> 0" if correlated else ">= 0",
+        mean_extinction > 0 or (mean_extinction == 0 and not correlated),
+    )
     if outer_scale is not None:
         _check("L", outer_scale, "> 0", outer_scale > 0)
     elif hurst > 0 and correlated and kappa is None:
