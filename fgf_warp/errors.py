@@ -23,3 +23,7 @@ class NumericalError(FgfError):
 
 class OutputError(FgfError):
     """A file or folder cannot be written, or was written incompletely."""
+
+
+class CorruptFileError(FgfError):
+    """A file that FGF-Warp wrote is missing, incomplete, or not what was written."""

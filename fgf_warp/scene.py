@@ -122,7 +122,7 @@ class Medium:
         _check_range(self.name, "g", self.asymmetry, "in (-1, 1)", lambda g: -1 < g < 1)
         if self.transport not in (None, *TRANSPORTS):
             raise SceneError(f"{self.name}: transport = {self.transport!r}; accepted: {', '.join(TRANSPORTS)}")
-        _ = self.line_law
+        _ = self.line_law, self.channel_laws
         if self.transport == "reciprocal" and self.line_law.b < 0:
             raise SceneError(
                 f"{self.name}: transport = 'reciprocal' with H = {self.hurst:g}; accepted for H < -0.5: renewal only"
@@ -130,16 +130,29 @@ class Medium:
 
     @cached_property
     def line_law(self) -> LineLaw:
-        """Regime, b and kappa of this medium.
+        """Regime, b and kappa of this medium, at its mean extinction.
 
         Raises:
             SceneError: where a parameter is out of the law's domain.
         """
+        return self._line_law(self.mean_extinction)
+
+    @cached_property
+    def channel_laws(self) -> tuple[LineLaw, LineLaw, LineLaw]:
+        """The line law of each channel: at its own extinction, so with its own kappa.
+
+        Raises:
+            SceneError: where a parameter is out of the law's domain.
+        """
+        red, green, blue = (self._line_law(self.mean_extinction * factor) for factor in self.extinction_color)
+        return red, green, blue
+
+    def _line_law(self, mean_extinction: float) -> LineLaw:
         try:
             return build_line_law(
                 hurst=self.hurst,
                 white_noise_scale=self.white_noise_scale,
-                mean_extinction=self.mean_extinction,
+                mean_extinction=mean_extinction,
                 outer_scale=self.outer_scale,
                 kappa=self.kappa,
             )

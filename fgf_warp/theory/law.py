@@ -76,8 +76,8 @@ class LineLaw:
         found = []
         if 0 < self.b < CLUSTER_B and self.kappa > 0:
             found.append(
-                f"H = {self.hurst:g} is just above -0.5 (b = {self.b:.3g} < {CLUSTER_B:g}): in the reciprocal transport "
-                "scattering events cluster, and the picture is not that of H = -0.5"
+                f"H = {self.hurst:g} is just above -0.5 (b = {self.b:.3g} < {CLUSTER_B:g}): in the reciprocal "
+                "transport scattering events cluster, and the picture is not that of H = -0.5"
             )
         if self.regime in ("fbm", "kfbm") and self.outer_scale is not None and lengths:
             longest = max(lengths)

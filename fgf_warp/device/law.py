@@ -1,0 +1,181 @@
+"""The transmittance law, its transport kernels and samplers in float32; twin of `theory/kernels.py`.
+
+u is the mean optical depth sigma_m t >= 0. Error bounds are asserted by `tests/contracts/test_law_device.py`
+against 50-digit values over kappa and u from 1e-8 to 1e8.
+"""
+
+import warp as wp
+
+from fgf_warp.device.numerics import expm1_ratio
+
+EXPONENTIAL = wp.constant(0)
+"""b = 0 or kappa = 0: exp(-rate u)."""
+POWER = wp.constant(1)
+"""b = 1: (1 + kappa u)^(-1/kappa)."""
+FRACTIONAL = wp.constant(2)
+"""Any other b."""
+
+ESCAPED = wp.constant(1.0e30)
+"""Saturated flight, beyond every scene."""
+LN_ESCAPED = wp.constant(69.0)
+LARGE_LN_Y = wp.constant(16.0)
+"""Above it 1 + y = y in float32, and y need not be formed."""
+TINY_U = wp.constant(1.0e-37)
+
+TABLE_MIN = wp.constant(-16.0)
+TABLE_STEPS_PER_UNIT = wp.constant(16.0)
+TABLE_LAST = wp.constant(896)
+"""Layout of `theory.kernels.build_flight_table`; `tests/contracts` holds both together."""
+
+
+@wp.struct
+class Law:
+    """The line law of one medium."""
+
+    kind: int
+    b: float
+    kappa: float
+    ln_kappa: float
+    rate: float
+    """-Tr'(0) of the exponential kind."""
+    reciprocal: int
+    """1: flights between medium vertices are Tmm and connections Tms; 0 (renewal): Tsm and Tss."""
+    table: int
+    """First row of the medium's flight table; used by the fractional kind."""
+
+
+@wp.func
+def log1p_ratio(y: float) -> float:
+    """l(y) = log1p(y) / y, y >= 0; relative error below 5e-7."""
+    if y >= 1.0:
+        return wp.log(1.0 + y) / y
+    z = y / (2.0 + y)
+    z2 = z * z
+    odd = z2 / 13.0 + z2 * z2 / 15.0
+    odd = z2 * (1.0 / 3.0 + z2 * (1.0 / 5.0 + z2 * (1.0 / 7.0 + z2 * (1.0 / 9.0 + z2 * (1.0 / 11.0 + odd)))))
+    return (1.0 - z) * (1.0 + odd)
+
+
+@wp.func
+def log1p_ratio_slope(y: float) -> float:
+    """m(y) = -l'(y), y >= 0; relative error below 2e-6."""
+    if y >= 1.0:
+        return (wp.log(1.0 + y) / y - 1.0 / (1.0 + y)) / y
+    z = y / (2.0 + y)
+    z2 = z * z
+    odd = z2 / 13.0 + z2 * z2 / 15.0
+    odd = 1.0 / 3.0 + z2 * (1.0 / 5.0 + z2 * (1.0 / 7.0 + z2 * (1.0 / 9.0 + z2 * (1.0 / 11.0 + odd))))
+    return 0.5 * (1.0 - z) * (1.0 - z) * (1.0 / (1.0 + z) + z * odd)
+
+
+@wp.func
+def ln_y(law: Law, u: float) -> float:
+    """ln(kappa u^b)."""
+    return law.ln_kappa + law.b * wp.log(wp.max(u, TINY_U))
+
+
+@wp.func
+def line_exponent(law: Law, u: float) -> float:
+    """f(u) = -ln Tr(u); relative error below 3e-6."""
+    if law.kind == EXPONENTIAL:
+        return law.rate * u
+    w = ln_y(law, u)
+    if w >= LARGE_LN_Y:
+        return w * wp.exp(wp.log(wp.max(u, TINY_U)) - w)
+    return u * log1p_ratio(wp.exp(w))
+
+
+@wp.func
+def line_exponent_d1(law: Law, u: float) -> float:
+    """f'(u); relative error below 3e-6."""
+    if law.kind == EXPONENTIAL:
+        return law.rate
+    w = ln_y(law, u)
+    if w >= LARGE_LN_Y:
+        return ((1.0 - law.b) * w + law.b) * wp.exp(-w)
+    y = wp.exp(w)
+    return (1.0 - law.b) * log1p_ratio(y) + law.b / (1.0 + y)
+
+
+@wp.func
+def line_exponent_d2(law: Law, u: float) -> float:
+    """f''(u) for u > 0; relative error below 5e-6."""
+    if law.kind == EXPONENTIAL:
+        return 0.0
+    w = ln_y(law, u)
+    a = 1.0 - law.b
+    if w >= LARGE_LN_Y:
+        return -law.b / u * (a * (w - 1.0) + law.b) * wp.exp(-w)
+    y = wp.exp(w)
+    return -law.b / u * y * (a * log1p_ratio_slope(y) + law.b / ((1.0 + y) * (1.0 + y)))
+
+
+@wp.func
+def initial_rate(law: Law) -> float:
+    """-Tr'(0) for b >= 0."""
+    return wp.where(law.kind == EXPONENTIAL, law.rate, 1.0)
+
+
+@wp.func
+def transmittance_ss(law: Law, u: float) -> float:
+    """Tss = Tr(u); relative error below 3e-6 (1 + f(u))."""
+    return wp.exp(-line_exponent(law, u))
+
+
+@wp.func
+def density_sm(law: Law, u: float) -> float:
+    """Tsm = -Tr'(u); relative error below 6e-6 (1 + f(u))."""
+    return line_exponent_d1(law, u) * transmittance_ss(law, u)
+
+
+@wp.func
+def transmittance_ms(law: Law, u: float) -> float:
+    """Tms = Tr'(u) / Tr'(0), b >= 0; relative error below 6e-6 (1 + f(u))."""
+    return density_sm(law, u) / initial_rate(law)
+
+
+@wp.func
+def density_mm(law: Law, u: float) -> float:
+    """Tmm = Tr''(u) / -Tr'(0), b >= 0; relative error below 1e-5 (1 + f(u))."""
+    d1 = line_exponent_d1(law, u)
+    return (d1 * d1 - line_exponent_d2(law, u)) * transmittance_ss(law, u) / initial_rate(law)
+
+
+@wp.func
+def flight_from_exponent(law: Law, tables: wp.array(dtype=wp.vec2), exponent: float) -> float:
+    """The u with f(u) = E > 0, at most ESCAPED; relative error below 1e-4 and mostly 1e-6."""
+    if law.kind == EXPONENTIAL:
+        return wp.min(exponent / law.rate, ESCAPED)
+    if law.kind == POWER:
+        return wp.min(exponent * expm1_ratio(law.kappa * exponent), ESCAPED)
+    q = law.ln_kappa + law.b * wp.log(exponent)
+    x = wp.clamp((q - TABLE_MIN) * TABLE_STEPS_PER_UNIT, 0.0, float(TABLE_LAST) - 0.001)
+    row = int(x)
+    t = x - float(row)
+    left = tables[law.table + row]
+    right = tables[law.table + row + 1]
+    # Cubic Hermite: the chord, and a bend from how far the end slopes are from the chord's.
+    chord = right[0] - left[0]
+    bend = (left[1] - chord) * (1.0 - t) - (right[1] - chord) * t
+    ln_ratio = left[0] + t * chord + t * (1.0 - t) * bend
+    return wp.min(exponent * wp.exp(wp.min(ln_ratio, LN_ESCAPED)), ESCAPED)
+
+
+@wp.func
+def sample_sm(law: Law, tables: wp.array(dtype=wp.vec2), xi: float) -> float:
+    """u distributed as Tsm."""
+    return flight_from_exponent(law, tables, -wp.log(xi))
+
+
+@wp.func
+def sample_mm(law: Law, tables: wp.array(dtype=wp.vec2), xi: float, xi2: float, xi3: float) -> float:
+    """u distributed as Tmm, 0 <= b <= 1; xi2 and xi3 matter to the fractional kind alone."""
+    if law.kind == POWER:
+        shortened = -wp.log(xi) / (1.0 + law.kappa)
+        return wp.min(shortened * expm1_ratio(law.kappa * shortened), ESCAPED)
+    first = sample_sm(law, tables, xi)
+    if law.kind == EXPONENTIAL:
+        return first
+    r = wp.where(xi3 < law.b, 1.0, wp.max((xi3 - law.b) / (1.0 - law.b), 1.0e-10))
+    ln_second = (wp.log((1.0 - xi2) / (xi2 * r)) - law.ln_kappa) / law.b
+    return wp.min(first, wp.exp(wp.min(ln_second, LN_ESCAPED)))

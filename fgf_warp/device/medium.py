@@ -1,0 +1,42 @@
+"""Media and the containers they fill."""
+
+import warp as wp
+
+from fgf_warp.device.geometry import is_inside
+from fgf_warp.device.law import Law
+
+
+@wp.struct
+class Medium:
+    """A homogeneous medium; its channels differ in albedo, and in extinction where the scene is chromatic."""
+
+    extinction: wp.vec3
+    """sigma_m per channel [1/stage unit], > 0."""
+    albedo: wp.vec3
+    asymmetry: float
+    law: Law
+    law_green: Law
+    law_blue: Law
+    """Of the further channels; used where the scene is chromatic."""
+
+
+@wp.struct
+class Container:
+    """A closed shape filled with a medium; its place in the array is its bit in a path's `inside`."""
+
+    medium: int
+    priority: int
+
+
+@wp.func
+def medium_at(containers: wp.array(dtype=Container), inside: wp.uint64) -> int:
+    """The medium that fills the space: of the containers around it the one of highest priority; -1 for none."""
+    medium = int(-1)
+    priority = int(-2147483648)
+    for i in range(containers.shape[0]):
+        if is_inside(inside, i):
+            container = containers[i]
+            if medium < 0 or container.priority > priority:
+                medium = container.medium
+                priority = container.priority
+    return medium

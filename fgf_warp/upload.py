@@ -1,0 +1,272 @@
+"""From a scene to the device: structs, triangle meshes, and tables from theory."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from fgf_warp.device import camera as camera_device
+from fgf_warp.device import geometry, law, lights, medium, surfaces
+from fgf_warp.errors import UnsupportedFeatureError
+from fgf_warp.integrator import Limits, SceneData
+from fgf_warp.scene import (
+    AreaLight,
+    Camera,
+    DistantLight,
+    DomeLight,
+    Medium,
+    Mesh,
+    Scene,
+    Shape,
+    Solid,
+    SphereLight,
+    Surface,
+)
+from fgf_warp.settings import RenderSettings
+from fgf_warp.theory import kernels
+from fgf_warp.theory.law import LineLaw
+
+MAX_CONTAINERS = 64
+"""Shapes filled with a medium: one bit each in a path's state."""
+
+SOLID_KINDS = {"sphere": geometry.SPHERE, "cube": geometry.CUBE, "cylinder": geometry.CYLINDER}
+EXTINCTION_FLOOR = 1e-30
+"""Stands for a vanishing extinction, whose free flights are beyond every scene."""
+
+
+@dataclass(frozen=True, eq=False)
+class UploadedScene:
+    """A scene on a device.
+
+    Args:
+        data: the kernel's view of it.
+        limits: the kernel's view of the settings.
+        keep_alive: Warp meshes, which `data` refers to by number.
+    """
+
+    data: Any
+    limits: Any
+    keep_alive: tuple[wp.Mesh, ...]
+
+
+def upload(scene: Scene, settings: RenderSettings) -> UploadedScene:
+    """Copies a scene to `settings.device`.
+
+    Raises:
+        UnsupportedFeatureError: for more than 64 shapes filled with media.
+    """
+    device = settings.device
+    # A shape without surface and medium is nothing to light.
+    shapes = [shape for shape in scene.shapes if shape.surface is not None or shape.medium is not None]
+    containers = [shape for shape in shapes if shape.medium is not None]
+    if len(containers) > MAX_CONTAINERS:
+        raise UnsupportedFeatureError(
+            f"{scene.source}: {len(containers)} shapes are filled with media; accepted: at most {MAX_CONTAINERS}"
+        )
+    solids = [_solid(shape, shapes, containers) for shape in shapes if isinstance(shape, Solid)]
+    warp_meshes = tuple(_warp_mesh(shape, device) for shape in shapes if isinstance(shape, Mesh))
+    meshes = [
+        _mesh(shape, warp_mesh, shapes, containers)
+        for shape, warp_mesh in zip((s for s in shapes if isinstance(s, Mesh)), warp_meshes, strict=True)
+    ]
+    tables = FlightTables()
+    media = [_medium(item, tables) for item in scene.media]
+
+    data = SceneData()
+    data.camera = _camera(scene.camera, settings.width, settings.height)
+    data.environment = wp.vec3(*_dome_radiance(scene))
+    data.solids = wp.array(solids, dtype=geometry.Solid, device=device)
+    data.meshes = wp.array(meshes, dtype=geometry.Mesh, device=device)
+    data.surfaces = wp.array(
+        [_surface(s.surface) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
+    )
+    data.media = wp.array(media, dtype=medium.Medium, device=device)
+    data.containers = wp.array([_container(s, scene) for s in containers], dtype=medium.Container, device=device)
+    data.lights = wp.array(
+        [_light(light) for light in scene.lights if not isinstance(light, DomeLight)], dtype=lights.Light, device=device
+    )
+    data.flight_tables = wp.array(tables.rows(), dtype=wp.vec2, device=device)
+    data.camera_inside = wp.uint64(containers_around(scene.camera.position, containers))
+
+    limits = Limits()
+    limits.max_depth = settings.max_depth
+    limits.roulette_depth = settings.roulette_depth
+    return UploadedScene(data, limits, warp_meshes)
+
+
+def containers_around(point: np.ndarray, containers: Sequence[Shape]) -> int:
+    """Bits of the containers that a point, (3,) float64, lies in."""
+    return sum(1 << bit for bit, shape in enumerate(containers) if encloses(shape, point))
+
+
+def encloses(shape: Shape, point: np.ndarray) -> bool:
+    """True where the point, (3,) float64, lies in the closed shape."""
+    if isinstance(shape, Mesh):
+        return winding_number(shape.points, shape.triangles, point) > 0.5
+    x, y, z = np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3]
+    if shape.kind == "sphere":
+        return bool(x * x + y * y + z * z < 1)
+    if shape.kind == "cube":
+        return bool(max(abs(x), abs(y), abs(z)) < 1)
+    return bool(x * x + y * y < 1 and abs(z) < 1)
+
+
+def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:
+    """How often a closed mesh winds around a point: 1 inside, 0 outside (van Oosterom and Strackee 1983)."""
+    a, b, c = (np.asarray(points, dtype=np.float64)[triangles[:, corner]] - point for corner in range(3))
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    denominator = (
+        la * lb * lc
+        + np.einsum("ij,ij->i", a, b) * lc
+        + np.einsum("ij,ij->i", b, c) * la
+        + np.einsum("ij,ij->i", c, a) * lb
+    )
+    return float(np.arctan2(volume, denominator).sum() / (2 * math.pi))
+
+
+class FlightTables:
+    """The flight tables of a scene's media, one for each b."""
+
+    def __init__(self) -> None:
+        self._tables: dict[float, np.ndarray] = {}
+
+    def first_row(self, b: float) -> int:
+        """Where the table of b begins; it is made when first asked for."""
+        if b not in self._tables:
+            self._tables[b] = kernels.build_flight_table(b)
+        return list(self._tables).index(b) * (law.TABLE_LAST + 1)
+
+    def rows(self) -> np.ndarray:
+        """All tables, (n, 2) float32."""
+        return np.concatenate([np.empty((0, 2), dtype=np.float32), *self._tables.values()])
+
+
+def build_device_law(line: LineLaw, reciprocal: bool, tables: FlightTables) -> Any:
+    """The device's view of a line law.
+
+    Args:
+        line: what to describe.
+        reciprocal: True for Tmm and Tms from medium vertices, False for the renewal transport.
+        tables: where its flight table is found or put.
+    """
+    result = law.Law()
+    result.b = line.b
+    result.kappa = line.kappa
+    result.reciprocal = int(reciprocal)
+    if line.is_exponential:
+        result.kind = law.EXPONENTIAL
+        result.rate = float(kernels.log1p_ratio(line.kappa))
+        return result
+    result.kind = law.POWER if line.b == 1 else law.FRACTIONAL
+    result.ln_kappa = math.log(line.kappa)
+    result.rate = 1.0
+    if result.kind == law.FRACTIONAL:
+        result.table = tables.first_row(line.b)
+    return result
+
+
+def _medium(item: Medium, tables: FlightTables) -> Any:
+    reciprocal = item.resolved_transport == "reciprocal"
+    channels = [build_device_law(line, reciprocal, tables) for line in item.channel_laws]
+    result = medium.Medium()
+    result.extinction = wp.vec3(*(max(line.mean_extinction, EXTINCTION_FLOOR) for line in item.channel_laws))
+    result.albedo = wp.vec3(*item.albedo)
+    result.asymmetry = item.asymmetry
+    result.law, result.law_green, result.law_blue = channels
+    return result
+
+
+def _container(shape: Shape, scene: Scene) -> Any:
+    assert shape.medium is not None
+    result = medium.Container()
+    result.medium = shape.medium
+    result.priority = scene.media[shape.medium].priority
+    return result
+
+
+def _solid(shape: Solid, shapes: Sequence[Shape], containers: Sequence[Shape]) -> Any:
+    to_object = np.linalg.inv(shape.object_to_world)
+    result = geometry.Solid()
+    result.kind = SOLID_KINDS[shape.kind]
+    result.to_object = wp.mat33(*to_object[:3, :3].flatten())
+    result.to_object_offset = wp.vec3(*to_object[:3, 3])
+    result.surface, result.container = _surface_index(shape, shapes), _container_bit(shape, containers)
+    return result
+
+
+def _warp_mesh(shape: Mesh, device: str) -> wp.Mesh:
+    return wp.Mesh(
+        points=wp.array(np.asarray(shape.points, dtype=np.float32), dtype=wp.vec3, device=device),
+        indices=wp.array(np.asarray(shape.triangles, dtype=np.int32).flatten(), dtype=wp.int32, device=device),
+    )
+
+
+def _mesh(shape: Mesh, warp_mesh: wp.Mesh, shapes: Sequence[Shape], containers: Sequence[Shape]) -> Any:
+    result = geometry.Mesh()
+    result.id = warp_mesh.id
+    result.surface, result.container = _surface_index(shape, shapes), _container_bit(shape, containers)
+    return result
+
+
+def _surface_index(shape: Shape, shapes: Sequence[Shape]) -> int:
+    if shape.surface is None:
+        return -1
+    return [other for other in shapes if other.surface is not None].index(shape)
+
+
+def _container_bit(shape: Shape, containers: Sequence[Shape]) -> int:
+    return containers.index(shape) if shape.medium is not None else -1
+
+
+def _surface(surface: Surface) -> Any:
+    result = surfaces.Surface()
+    result.diffuse = wp.vec3(*surface.diffuse)
+    result.emission = wp.vec3(*surface.emission)
+    return result
+
+
+def _camera(camera: Camera, width: int, height: int) -> Any:
+    left, right, bottom, top = camera.window(width, height)
+    axes = camera.camera_to_world[:3, :3] / np.linalg.norm(camera.camera_to_world[:3, :3], axis=0)
+    result = camera_device.Camera()
+    result.position = wp.vec3(*camera.position)
+    result.right, result.up, result.forward = wp.vec3(*axes[:, 0]), wp.vec3(*axes[:, 1]), wp.vec3(*-axes[:, 2])
+    result.left_edge, result.top_edge = left, top
+    result.pixel_width, result.pixel_height = (right - left) / width, (top - bottom) / height
+    result.width = width
+    return result
+
+
+def _dome_radiance(scene: Scene) -> np.ndarray:
+    domes = [light.radiance for light in scene.lights if isinstance(light, DomeLight)]
+    return np.sum(domes, axis=0) if domes else np.zeros(3)
+
+
+def _light(light: DistantLight | AreaLight | SphereLight) -> Any:
+    result = lights.Light()
+    result.radiance = wp.vec3(*light.radiance)
+    if isinstance(light, DistantLight):
+        result.kind = lights.DISTANT
+        result.center = -wp.vec3(*light.direction)
+        result.cone = 2 * math.sin(light.half_angle / 2) ** 2
+        return result
+    result.center = wp.vec3(*light.center)
+    if isinstance(light, SphereLight):
+        result.kind = lights.SPHERE_LIGHT
+        result.radius = light.radius
+        return result
+    halves = np.array([light.half_u, light.half_v])
+    normal = np.cross(*halves)
+    duals = np.linalg.pinv(halves).T
+    result.kind = lights.RECT if light.shape == "rect" else lights.DISK
+    result.half_u, result.half_v = wp.vec3(*halves[0]), wp.vec3(*halves[1])
+    result.dual_u, result.dual_v = wp.vec3(*duals[0]), wp.vec3(*duals[1])
+    result.normal = wp.vec3(*(normal / np.linalg.norm(normal)))
+    result.area = light.area
+    return result
