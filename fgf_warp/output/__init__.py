@@ -1,0 +1,1 @@
+"""Image files. The only package that imports OpenImageIO and colour-science."""

@@ -1,0 +1,72 @@
+"""The one way in and out of OpenImageIO for whole files, with every sign of failure looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 - the name that its own documentation uses
+
+from fgf_warp import __version__
+from fgf_warp.errors import CorruptFileError, OutputError
+from fgf_warp.output.atomic import replacing
+
+FIXED_DATE = "1970:01:01 00:00:00"
+"""In every header, so that equal pixels give equal bytes."""
+
+
+def write_image(path: Path, pixels: np.ndarray, channels: Sequence[str], attributes: Mapping[str, str]) -> None:
+    """Writes an image file whole or not at all; the format follows from the ending of the name.
+
+    Args:
+        path: the file.
+        pixels: (height, width, channel), float32 or uint8.
+        channels: one name per channel.
+        attributes: of the header, beside the date and the software's name.
+
+    Raises:
+        OutputError: where the file cannot be written.
+    """
+    height, width, _ = pixels.shape
+    spec = oiio.ImageSpec(width, height, len(channels), str(pixels.dtype))
+    spec.channelnames = tuple(channels)
+    spec.alpha_channel = channels.index("A") if "A" in channels else -1
+    spec.z_channel = channels.index("Z") if "Z" in channels else -1
+    spec.attribute("Software", f"FGF-Warp {__version__}")
+    spec.attribute("DateTime", FIXED_DATE)
+    for name, value in attributes.items():
+        spec.attribute(name, value)
+    with replacing(path) as temporary:
+        image = oiio.ImageOutput.create(str(temporary))
+        if image is None:
+            raise OutputError(f"{path}: no writer for files of this ending: {oiio.geterror()}")
+        written = image.open(str(temporary), spec) and image.write_image(np.ascontiguousarray(pixels))
+        problem = image.geterror()
+        # Closed in any case: only then are the last bytes out, and only then can that fail.
+        closed = image.close()
+        if not (written and closed) or problem:
+            raise OutputError(f"{path}: cannot be written: {problem or image.geterror()}")
+
+
+def read_image(path: Path) -> tuple[np.ndarray, tuple[str, ...], dict[str, Any]]:
+    """Reads an image file with all its channels.
+
+    Returns:
+        Pixels as (height, width, channel) float32, the channels' names in the file's order, and the header.
+
+    Raises:
+        CorruptFileError: where the file is missing, is no image, or is incomplete.
+    """
+    image = oiio.ImageInput.open(str(path))
+    if image is None:
+        raise CorruptFileError(f"{path}: cannot be read: {oiio.geterror()}")
+    spec = image.spec()
+    pixels = image.read_image("float")
+    problem = image.geterror()
+    image.close()
+    if pixels is None or problem:
+        raise CorruptFileError(f"{path}: is incomplete: {problem}")
+    header = {attribute.name: attribute.value for attribute in spec.extra_attribs}
+    return pixels.reshape(spec.height, spec.width, spec.nchannels), tuple(spec.channelnames), header

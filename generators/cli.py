@@ -1,0 +1,466 @@
+"""The command line `fgf`: renders, datasets and the transmittance law.
+
+Exit codes: 0 fine; 2 the input is not accepted; 3 only a part could be made; 4 a file is damaged, or samples were
+not finite. What takes long to import is imported by the command that needs it.
+"""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError
+from fgf_warp.settings import PRESETS, Aov, RenderSettings
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from rich.progress import Progress
+
+    from fgf_warp.result import RenderResult
+    from fgf_warp.scene import Medium
+    from generators.config import LoadedConfig
+    from generators.plan import Plan
+    from generators.run import Report
+
+EXIT_BAD_INPUT, EXIT_PARTIAL, EXIT_CORRUPT = 2, 3, 4
+PLAN_ROWS = 20
+WARNINGS_SHOWN = 5
+UsageError: type[Exception] = typer.BadParameter.__bases__[0]
+"""What typer raises for a wrong option; it has no public name."""
+
+
+class _Group(TyperGroup):
+    """The one place where errors become a line on stderr and an exit code."""
+
+    def main(self, *args: Any, **extra: Any) -> Any:
+        extra["standalone_mode"] = False  # typer then raises its errors instead of printing them
+        try:
+            code = super().main(*args, **extra)
+        except UsageError as error:
+            _fail(error.format_message(), EXIT_BAD_INPUT)  # type: ignore[attr-defined]
+        except (CorruptFileError, NumericalError) as error:
+            _fail(str(error), EXIT_CORRUPT)
+        except FgfError as error:
+            _fail(str(error), EXIT_BAD_INPUT)
+        sys.exit(code or 0)
+
+
+app = typer.Typer(
+    cls=_Group,
+    name="fgf",
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the config, e.g. spp=16 or axes.H=[-0.4]."),
+]
+Device = Annotated[str, typer.Option(help="Where to render: cpu, or a GPU such as cuda:0.")]
+
+
+@app.callback(invoke_without_command=True)
+def fgf(context: typer.Context) -> None:
+    """Render USD scenes whose media are fractional Gaussian fields, and make datasets of them.
+
+    \b
+    First steps:
+      fgf generate configs/quickstart.yaml      a small dataset, with a contact sheet
+      fgf render stage.usda -o image.exr        one image
+      fgf law --H -0.25 --S_w 1 --sigma_m 2     the transmittance law behind them
+
+    Every command explains itself: fgf COMMAND --help.
+    """  # noqa: D301 - the escape is typer's, and starts a block that is not rewrapped
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@app.command()
+def render(
+    stage: Annotated[Path, typer.Argument(metavar="STAGE", help="The USD file.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT.exr", help="The image to write.")],
+    camera: Annotated[
+        str | None, typer.Option("--camera", "-cam", metavar="PATH", help="Camera prim; default: the only one.")
+    ] = None,
+    width: Annotated[
+        int | None, typer.Option("--imageWidth", "-w", metavar="N", help="[pixel]; default: as the stage says, or 960.")
+    ] = None,
+    height: Annotated[
+        int | None, typer.Option("--imageHeight", metavar="N", help="[pixel]; default: from the aspect ratio.")
+    ] = None,
+    spp: Annotated[int | None, typer.Option(metavar="N", help="Samples per pixel, in place of the preset's.")] = None,
+    preset: Annotated[str, typer.Option(help=f"{', '.join(PRESETS)}.")] = "balanced",
+    seed: Annotated[int, typer.Option(metavar="N", help="Equal seeds give equal pixels.")] = 0,
+    device: Device = "cpu",
+    frame: Annotated[
+        float | None, typer.Option("--frame", "-f", metavar="F", help="Time code; default: the default values.")
+    ] = None,
+    purposes: Annotated[
+        str, typer.Option(metavar="LIST", help="Purposes of the geometry to include, with commas.")
+    ] = "default,render",
+    png: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Write an sRGB view too.")] = None,
+    aov: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help=f"Only these planes, repeatable: {', '.join(Aov)}; default: all."),
+    ] = None,
+) -> None:
+    """Render one image of a stage.
+
+    \b
+    Example:
+      fgf render usd_scenes/stages/cloud_block.usda -o cloud.exr --imageWidth 480 --spp 64 --png cloud.png
+    """  # noqa: D301
+    from fgf_warp.output.atomic import check_writable  # noqa: PLC0415
+    from fgf_warp.output.color import write_png  # noqa: PLC0415
+    from fgf_warp.output.exr import write_exr  # noqa: PLC0415
+    from generators.stage import load_scene  # noqa: PLC0415
+
+    aovs = _choose_aovs(aov)
+    if preset not in PRESETS:
+        raise ConfigError(f"--preset {preset}: accepted: {', '.join(PRESETS)}")
+    _check_output(output, ".exr")
+    if png:
+        _check_output(png, ".png")
+    base = load_scene(stage, camera=camera, frame=frame, purposes=purposes.split(","), width=width, height=height)
+    settings = RenderSettings(
+        width=base.width,
+        height=base.height,
+        spp=PRESETS[preset].spp if spp is None else spp,
+        seed=seed,
+        max_depth=PRESETS[preset].max_depth,
+        roulette_depth=PRESETS[preset].roulette_depth,
+        aovs=aovs,
+        device=device,
+    )
+    check_writable(output)
+    if png:
+        check_writable(png)
+    _start_warp(device)
+    _warn([*base.warnings, *(warning for medium in base.scene.media for warning in medium.line_law.warnings())])
+
+    from fgf_warp.renderer import prepare  # noqa: PLC0415
+    from fgf_warp.renderer import render as render_scene  # noqa: PLC0415
+
+    with _progress("rendering") as progress:
+        task = progress.add_task("building the kernel", total=None)
+        prepare(base.scene, settings)
+
+        def show(done: int, total: int) -> None:
+            progress.update(task, description="rendering", completed=done, total=total)
+
+        result = render_scene(base.scene, settings, show)
+    write_exr(output, result)
+    if png:
+        write_png(png, result)
+    _print_render(result, [output, *([png] if png else [])])
+
+
+@app.command()
+def generate(
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="The dataset's YAML file.")],
+    overrides: Overrides = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder, in place of the config's.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", help="Samples in flight; default: the number of cores, 1 on a GPU.")
+    ] = None,
+    device: Device = "cpu",
+) -> None:
+    """Make a dataset from a config.
+
+    It consists of images, their labels in index.parquet, and a contact sheet.
+
+    Stopped with Ctrl-C, the same command goes on where it was: finished samples are not rendered again. The images
+    do not depend on the number of workers.
+
+    \b
+    Example:
+      fgf generate configs/quickstart.yaml --set spp=16 --out datasets/trial
+    """  # noqa: D301
+    from generators import run  # noqa: PLC0415
+
+    loaded, plan, warnings = _plan(config, overrides, device)
+    folder = out or Path(loaded.config.output or f"datasets/{loaded.config.name}")
+    _start_warp(device)
+    _warn(warnings)
+    with _progress("samples") as progress:
+        task = progress.add_task("building the kernel", total=None)
+
+        def show(done: int, total: int) -> None:
+            progress.update(task, description="samples", completed=done, total=total)
+
+        report = run.generate(plan, loaded, folder, workers=workers, progress=show)
+    _print_report(report, folder / run.CONTACT_SHEET)
+    if not report.is_complete:
+        raise typer.Exit(EXIT_PARTIAL)
+
+
+@app.command()
+def plan(
+    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="The dataset's YAML file.")],
+    overrides: Overrides = None,
+) -> None:
+    """Show the samples of a dataset without rendering any.
+
+    \b
+    Example:
+      fgf plan configs/quickstart.yaml --set "axes.S_w={logspace: [0.01, 10, 4]}"
+    """  # noqa: D301
+    _, made, warnings = _plan(config, overrides, "cpu")
+    _warn(warnings)
+    _print_plan(made)
+
+
+@app.command()
+def validate(
+    path: Annotated[Path, typer.Argument(metavar="STAGE_OR_CONFIG", help="A USD file, or a dataset's YAML file.")],
+) -> None:
+    """Check a stage or a config and say what is in it.
+
+    \b
+    Example:
+      fgf validate usd_scenes/stages/cloud_block.usda
+    """  # noqa: D301
+    if path.suffix.lower() in (".yaml", ".yml"):
+        loaded, made, warnings = _plan(path, None, "cpu")
+        typer.echo(f"{path}: {len(made.samples)} samples of {loaded.scene_path}")
+        _warn(warnings)
+        return
+    from generators.stage import load_scene  # noqa: PLC0415
+
+    base = load_scene(path)
+    scene = base.scene
+    typer.echo(f"{path}: {base.width} x {base.height} pixels, {scene.meters_per_unit:g} m per unit")
+    typer.echo(f"camera  {scene.camera.name}")
+    for medium in scene.media:
+        typer.echo(f"medium  {medium.name}: {_describe(medium)}")
+    for shape in scene.shapes:
+        inside = f", filled with {scene.media[shape.medium].name}" if shape.medium is not None else ""
+        typer.echo(f"shape   {shape.name}: {getattr(shape, 'kind', 'mesh')}{inside}")
+    for light in scene.lights:
+        typer.echo(f"light   {light.name}: {type(light).__name__}")
+    _warn([*base.warnings, *(warning for medium in scene.media for warning in medium.line_law.warnings())])
+
+
+@app.command()
+def law(
+    hurst: Annotated[float, typer.Option("--H", help="Hurst exponent; -0.5 is white noise.")],
+    mean_extinction: Annotated[float, typer.Option("--sigma_m", help="Mean extinction [1/length].")],
+    white_noise_scale: Annotated[
+        float | None, typer.Option("--S_w", help="White-noise scale [length^(-2-2H)]; 0 is the exponential.")
+    ] = None,
+    outer_scale: Annotated[float | None, typer.Option("--L", help="Outer scale [length], where H > 0.")] = None,
+    kappa: Annotated[float | None, typer.Option("--kappa", help="In place of the value that follows from S_w.")] = None,
+    lengths: Annotated[
+        str | None, typer.Option("--t", metavar="LIST", help="Segment lengths, with commas; default: around 1/sigma_m.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON in full precision.")] = False,
+) -> None:
+    """Print the transmittance law of a medium.
+
+    Transmittance and free-flight density by length. The density is per unit length, from an uncorrelated end (a
+    surface, a boundary, the camera).
+
+    \b
+    Example:
+      fgf law --H -0.25 --S_w 1 --sigma_m 2 --t 0.1,1,10
+    """  # noqa: D301
+    import json  # noqa: PLC0415
+
+    from generators.law import evaluate_law  # noqa: PLC0415
+
+    found = evaluate_law(
+        hurst=hurst,
+        white_noise_scale=white_noise_scale,
+        mean_extinction=mean_extinction,
+        outer_scale=outer_scale,
+        kappa=kappa,
+        lengths=_parse_lengths(lengths),
+    )
+    if as_json:
+        typer.echo(json.dumps(found, indent=1, allow_nan=False))
+        return
+    mean_free_path = "infinite" if found["mean_free_path"] is None else f"{found['mean_free_path']:.6g}"
+    typer.echo(f"regime          {found['regime']}")
+    typer.echo(f"b               {found['b']:.6g}")
+    typer.echo(f"kappa           {found['kappa']:.6g}")
+    typer.echo(f"mean free path  {mean_free_path}")
+    typer.echo(f"\n{'t':>12}  {'transmittance':>14}  {'free-flight pdf':>16}")
+    for row in zip(found["t"], found["transmittance"], found["free_flight_pdf"], strict=True):
+        typer.echo("{:12.6g}  {:14.6g}  {:16.6g}".format(*row))
+    _warn(found["warnings"])
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    app()
+
+
+def _fail(message: str, code: int) -> None:
+    typer.echo(f"error: {message}", err=True)
+    sys.exit(code)
+
+
+def _warn(warnings: Sequence[str]) -> None:
+    for warning in warnings:
+        typer.echo(f"warning: {warning}", err=True)
+
+
+def _choose_aovs(names: list[str] | None) -> frozenset[Aov]:
+    if not names:
+        return frozenset(Aov)
+    unknown = [name for name in names if name not in list(Aov)]
+    if unknown:
+        raise ConfigError(f"--aov {unknown[0]}: accepted: {', '.join(Aov)}")
+    return frozenset(Aov(name) for name in names)
+
+
+def _check_output(path: Path, suffix: str) -> None:
+    if path.suffix.lower() != suffix:
+        raise ConfigError(f"{path}: accepted: a file name that ends in {suffix}")
+
+
+def _start_warp(device: str) -> None:
+    """Starts Warp without its banner and sees that the device is there."""
+    import warp as wp  # noqa: PLC0415
+
+    wp.config.quiet = True
+    from fgf_warp.renderer import check_device  # noqa: PLC0415
+
+    check_device(device)
+
+
+def _plan(path: Path, overrides: list[str] | None, device: str) -> tuple[LoadedConfig, Plan, list[str]]:
+    """The config, its plan, and what a user should know about them."""
+    from generators.config import load_config  # noqa: PLC0415
+    from generators.plan import build_plan  # noqa: PLC0415
+    from generators.stage import load_scene  # noqa: PLC0415
+
+    loaded = load_config(path, overrides or ())
+    config = loaded.config
+    base = load_scene(
+        loaded.scene_path,
+        camera=config.camera,
+        frame=config.frame,
+        width=config.image.width,
+        height=config.image.height,
+    )
+    made = build_plan(config, base.scene, base.width, base.height, device)
+    return loaded, made, [*base.warnings, *_sample_warnings(made)]
+
+
+def _sample_warnings(made: Plan) -> list[str]:
+    """Of the laws of the samples: each once, and no more of them than one reads."""
+    first: dict[str, int] = {}
+    for sample in made.samples:
+        for warning in sample.medium.line_law.warnings():
+            first.setdefault(warning, sample.index)
+    shown = [f"sample {index}: {warning}" for warning, index in first.items()]
+    if len(shown) > WARNINGS_SHOWN:
+        shown[WARNINGS_SHOWN:] = [f"and {len(shown) - WARNINGS_SHOWN} more such warnings"]
+    return shown
+
+
+@contextmanager
+def _progress(unit: str) -> Iterator[Progress]:
+    """A bar on stderr with count, rate and time left."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import (  # noqa: PLC0415
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        Task,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text  # noqa: PLC0415
+
+    class Rate(ProgressColumn):
+        def render(self, task: Task) -> Text:
+            return Text(f"{task.speed:,.3g}/s" if task.speed else "")
+
+    count = [MofNCompleteColumn()] if unit == "samples" else []
+    columns = [TextColumn("{task.description}"), BarColumn(), *count, Rate(), TimeRemainingColumn()]
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        yield progress
+
+
+def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
+    typer.echo(
+        f"{result.seconds:.2f} s, {result.samples_per_second:.4g} samples/s, {result.samples} samples per pixel, "
+        f"mean relative standard error {result.relative_standard_error:.2%}"
+    )
+    if result.truncated_count:
+        share = result.truncated_count / result.path_count
+        _warn(
+            [
+                f"{result.truncated_count} paths ({share:.2g} of all) were cut after {result.settings.max_depth} "
+                "scattering events, so the image is a little too dark; a higher --preset cuts later"
+            ]
+        )
+    for file in files:
+        typer.echo(f"wrote {file}")
+
+
+def _print_report(report: Report, contact_sheet: Path) -> None:
+    for index, reason in report.failures:
+        typer.echo(f"error: sample {index}: {reason}", err=True)
+    rendered = report.finished - report.reused
+    reused = f", {report.reused} from earlier runs" if report.reused else ""
+    typer.echo(f"{rendered} of {report.total} samples rendered{reused}, in {report.seconds:.1f} s")
+    typer.echo(f"dataset        {report.folder}")
+    typer.echo(f"contact sheet  {contact_sheet}")
+    if report.interrupted:
+        typer.echo(f"stopped at {report.finished} of {report.total}; the same command goes on from here", err=True)
+
+
+def _print_plan(made: Plan) -> None:
+    from rich.console import Console  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+
+    from fgf_warp.output.exr import channel_names  # noqa: PLC0415
+
+    swept = list(made.samples[0].parameters)
+    table = Table("index", *swept, "regime", "b", "kappa", "transport", "seed", title=made.name)
+    for sample in made.samples[:PLAN_ROWS]:
+        rule = sample.medium.line_law
+        values = [f"{sample.parameters[name]:.6g}" for name in swept]
+        numbers = [f"{rule.b:.4g}", f"{rule.kappa:.4g}", sample.medium.resolved_transport, str(sample.seed)]
+        table.add_row(str(sample.index), *values, rule.regime, *numbers)
+    console = Console()
+    console.print(table)
+    settings = made.settings
+    channels = len(channel_names(settings.aovs))
+    size = len(made.samples) * settings.width * settings.height * (4 * channels + (3 if made.png else 0))
+    hidden = max(0, len(made.samples) - PLAN_ROWS)
+    console.print(f"{len(made.samples)} samples{f', the first {PLAN_ROWS} shown' if hidden else ''}")
+    console.print(
+        f"{settings.width} x {settings.height} pixels, {settings.spp} samples per pixel, {channels} channels: "
+        f"at most about {size / 1e6:,.3g} MB"
+    )
+
+
+def _describe(medium: Medium) -> str:
+    rule = medium.line_law
+    return (
+        f"H = {medium.hurst:g}, g = {medium.asymmetry:g}, S_w = {medium.white_noise_scale:g}, "
+        f"sigma_m = {medium.mean_extinction:g}; {rule.regime}, b = {rule.b:.4g}, kappa = {rule.kappa:.4g}, "
+        f"{medium.resolved_transport} transport"
+    )
+
+
+def _parse_lengths(text: str | None) -> list[float] | None:
+    if text is None:
+        return None
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise ConfigError(f"--t {text}: accepted: numbers with commas between them") from error

@@ -1,0 +1,84 @@
+"""The transmittance law of one set of parameters, as plain numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from fgf_warp.errors import ConfigError
+from fgf_warp.theory.kernels import density_sm, initial_rate, mean_free_path, transmittance_ss
+from fgf_warp.theory.law import build_line_law
+
+DEFAULT_DEPTHS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
+"""sigma_m t of the lengths where none are asked for."""
+
+
+def evaluate_law(
+    *,
+    hurst: float,
+    white_noise_scale: float | None,
+    mean_extinction: float,
+    outer_scale: float | None = None,
+    kappa: float | None = None,
+    lengths: Sequence[float] | None = None,
+) -> dict[str, Any]:
+    """Regime, b, kappa, mean free path, and transmittance and free-flight density at some lengths.
+
+    Args:
+        hurst: H, as `build_line_law`.
+        white_noise_scale: S_w [length^(-2-2H)]; may be None where kappa is given.
+        mean_extinction: sigma_m [1/length].
+        outer_scale: L [length].
+        kappa: in place of the value that follows from S_w.
+        lengths: t [length], finite and >= 0; None takes some around 1/sigma_m.
+
+    Returns:
+        JSON-ready, with the keys regime, b, kappa, mean_free_path [length] (None where infinite), t,
+        transmittance, free_flight_pdf [1/length] and warnings.
+
+    Raises:
+        ConfigError: naming the parameter, its value and the accepted range.
+    """
+    if white_noise_scale is None and kappa is None:
+        raise ConfigError("S_w or kappa is needed")
+    try:
+        law = build_line_law(
+            hurst=hurst,
+            white_noise_scale=white_noise_scale or 0.0,
+            mean_extinction=mean_extinction,
+            outer_scale=outer_scale,
+            kappa=kappa,
+        )
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+    t = np.array(_default_lengths(mean_extinction) if lengths is None else lengths, dtype=np.float64)
+    if not (np.isfinite(t) & (t >= 0)).all():
+        raise ConfigError(f"t = {', '.join(f'{value:g}' for value in t)}; accepted: finite numbers >= 0")
+    u = mean_extinction * t
+    # At u = 0 the formulas need kappa u^b, which for b < 0 has no value; the limits are known.
+    inside = np.where(u > 0, u, 1.0)
+    transmittance = np.where(u > 0, transmittance_ss(law.b, law.kappa, inside), 1.0)
+    density = np.where(u > 0, density_sm(law.b, law.kappa, inside), initial_rate(law.b, law.kappa))
+    mean = mean_free_path(law.b, law.kappa) / mean_extinction if mean_extinction > 0 else math.inf
+    warnings = law.warnings(t.tolist())
+    if white_noise_scale is not None and kappa is not None:
+        warnings.append(f"kappa = {kappa:g} takes the place of S_w = {white_noise_scale:g}")
+    return {
+        "regime": law.regime,
+        "b": float(law.b),
+        "kappa": float(law.kappa),
+        "mean_free_path": float(mean) if math.isfinite(mean) else None,
+        "t": t.tolist(),
+        "transmittance": transmittance.tolist(),
+        "free_flight_pdf": (mean_extinction * density).tolist(),
+        "warnings": warnings,
+    }
+
+
+def _default_lengths(mean_extinction: float) -> list[float]:
+    if mean_extinction == 0:
+        raise ConfigError("sigma_m = 0 has no length of its own; say at which t to evaluate the law")
+    return [depth / mean_extinction for depth in DEFAULT_DEPTHS]
