@@ -1,0 +1,9 @@
+"""USD stages as scenes of FGF-Warp: the media's schema, authoring, reading, and the stages that come with it.
+
+The only package that imports ``pxr``. Importing it registers the schema FgfMediumAPI, since USD reads its schemas
+once, when the process opens its first stage.
+"""
+
+from usd_scenes import schema
+
+schema.add_plugin()

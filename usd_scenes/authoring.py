@@ -1,0 +1,87 @@
+"""Writes fractional Gaussian field media into a stage."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Literal
+
+from pxr import Gf, Sdf, Usd, UsdShade
+
+from fgf_warp.errors import SceneError
+from fgf_warp.scene import WHITE, Medium, Rgb, Transport
+from usd_scenes import schema
+
+Boundary = Literal["none", "surface"]
+
+
+def author_fgf_medium(
+    material: Usd.Prim | UsdShade.Material,
+    *,
+    mean_extinction: float,
+    albedo: Rgb = WHITE,
+    asymmetry: float = 0.0,
+    hurst: float = -0.5,
+    white_noise_scale: float = 0.0,
+    outer_scale: float | None = None,
+    kappa: float | None = None,
+    extinction_color: Rgb = WHITE,
+    transport: Transport | None = None,
+    boundary: Boundary = "none",
+    priority: int = 0,
+) -> None:
+    """Applies FgfMediumAPI to a material and authors its values at the default time.
+
+    All values are authored but those that are None, as fallbacks do not resolve through connections.
+
+    Args:
+        material: the Material.
+        mean_extinction: sigma_m [1/stage unit], > 0 (0 is accepted for the classical exponential).
+        albedo: single-scattering albedo per channel, in [0, 1].
+        asymmetry: Henyey-Greenstein g in (-1, 1).
+        hurst: H > -0.98, at least 0.01 from 0, 1, 2, ...
+        white_noise_scale: S_w >= 0 [stage unit^(-2-2H)].
+        outer_scale: L > 0 [stage unit]; needed where H > 0.
+        kappa: in [0, 1e8]; replaces the value that follows from S_w.
+        extinction_color: multiplies `mean_extinction` per channel, >= 0.
+        transport: None chooses reciprocal where H >= -1/2 and renewal below.
+        boundary: ``none`` lets light through unchanged, ``surface`` keeps the material's UsdPreviewSurface.
+        priority: of nested media, the one with the highest priority fills the space.
+
+    Raises:
+        SceneError: for a value out of its range or a prim that is no Material; nothing is then authored.
+    """
+    prim = material.GetPrim()
+    path = str(prim.GetPath())
+    medium = Medium(
+        name=path,
+        mean_extinction=mean_extinction,
+        albedo=albedo,
+        asymmetry=asymmetry,
+        hurst=hurst,
+        white_noise_scale=white_noise_scale,
+        outer_scale=outer_scale,
+        kappa=kappa,
+        extinction_color=extinction_color,
+        transport=transport,
+        priority=priority,
+    )
+    if boundary not in schema.BOUNDARIES:
+        raise SceneError(f"{path}: boundary = {boundary!r}; accepted: {', '.join(schema.BOUNDARIES)}")
+    schema.register()
+    if not prim.IsA(UsdShade.Material):
+        raise SceneError(f"{path}: {schema.SCHEMA_NAME} applies to a Material, and this is a {_type_of(prim)}")
+    prim.ApplyAPI(schema.SCHEMA_NAME)
+    with Sdf.ChangeBlock():
+        for field in fields(medium):
+            value = getattr(medium, field.name)
+            if field.name != "name" and value is not None:
+                prim.GetAttribute(schema.MEDIUM_ATTRIBUTES[field.name]).Set(_as_usd(value))
+        prim.GetAttribute(schema.BOUNDARY_ATTRIBUTE).Set(boundary)
+
+
+def _as_usd(value: float | str | Rgb) -> float | str | Gf.Vec3f:
+    return Gf.Vec3f(*value) if isinstance(value, tuple) else value
+
+
+def _type_of(prim: Usd.Prim) -> str:
+    return prim.GetTypeName() or "prim without a type"

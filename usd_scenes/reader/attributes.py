@@ -1,0 +1,116 @@
+"""Values of attributes, checked where they are read.
+
+USD stores most parameters as float32. A value is handed on as the shortest decimal that this float32 stands for,
+which is what its author wrote: -0.49, not -0.49000000953674316. So messages, labels and sweeps agree.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from pxr import Sdf, Usd, UsdShade
+
+from fgf_warp.errors import SceneError
+from fgf_warp.scene import Rgb
+
+SINGLE_PRECISION = {Sdf.ValueTypeNames.Float, Sdf.ValueTypeNames.Half}
+
+
+def is_authored(attribute: Usd.Attribute) -> bool:
+    """True where the attribute has a value of its own or a connection, not only a fallback."""
+    return bool(attribute) and (attribute.HasAuthoredValue() or attribute.HasAuthoredConnections())
+
+
+def plain_source(attribute: Usd.Attribute) -> Usd.Attribute | None:
+    """The attribute that holds the value, or None where no plain value does.
+
+    An input may be connected to an input of an enclosing material or node graph, whose value is then meant. Where
+    it is connected to the output of a shader, such as a texture, it has no plain value.
+    """
+    if not attribute.HasAuthoredConnections():
+        return attribute
+    sources = UsdShade.Utils.GetValueProducingAttributes(UsdShade.Input(attribute))
+    return sources[0] if len(sources) == 1 and not UsdShade.Output.IsOutput(sources[0]) else None
+
+
+def read_number(
+    attribute: Usd.Attribute,
+    time: Usd.TimeCode,
+    default: float | None = None,
+    accepted: str = "a finite number",
+    holds: Callable[[float], bool] = lambda x: True,
+) -> float:
+    """A number.
+
+    Args:
+        attribute: may be undefined if there is a `default`.
+        time: where it is sampled.
+        default: taken where the attribute has no value.
+        accepted: the range that `holds` tests, in words.
+        holds: tests a finite number.
+
+    Raises:
+        SceneError: for no value and no default, a value that is no number, or one that is not accepted.
+    """
+    value = attribute.Get(time) if attribute else None
+    if value is None:
+        value = default
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise _refusal(attribute, value, accepted)
+    number = float(value)
+    if not math.isfinite(number) or not holds(number):
+        raise _refusal(attribute, value, accepted)
+    return _as_written(number) if attribute and attribute.GetTypeName() in SINGLE_PRECISION else number
+
+
+def read_color(
+    attribute: Usd.Attribute,
+    time: Usd.TimeCode,
+    default: Rgb | None = None,
+    accepted: str = "three finite numbers",
+) -> Rgb:
+    """A linear Rec.709 color.
+
+    Args:
+        attribute: may be undefined if there is a `default`.
+        time: where it is sampled.
+        default: taken where the attribute has no value.
+        accepted: for the message.
+
+    Raises:
+        SceneError: for no value and no default, or a value that is not three finite numbers.
+    """
+    value = attribute.Get(time) if attribute else None
+    if value is None and default is not None:
+        return default
+    try:
+        channels = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise _refusal(attribute, value, accepted) from None
+    if channels.shape != (3,) or not np.isfinite(channels).all():
+        raise _refusal(attribute, value, accepted)
+    r, g, b = (_as_written(float(channel)) for channel in channels)
+    return r, g, b
+
+
+def read_token(attribute: Usd.Attribute, time: Usd.TimeCode, accepted: tuple[str, ...]) -> str | None:
+    """One of the `accepted` words, or None where the attribute has no value.
+
+    Raises:
+        SceneError: for any other value.
+    """
+    value = attribute.Get(time) if attribute else None
+    if value is not None and value not in accepted:
+        raise _refusal(attribute, value, ", ".join(accepted))
+    return value
+
+
+def _as_written(number: float) -> float:
+    return float(str(np.float32(number)))
+
+
+def _refusal(attribute: Usd.Attribute, value: object, accepted: str) -> SceneError:
+    shown = "no value" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+    return SceneError(f"{attribute.GetPath()} = {shown}; accepted: {accepted}")

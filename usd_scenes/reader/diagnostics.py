@@ -1,0 +1,94 @@
+"""Opens stages and turns what USD says about them into one-line errors and warnings."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from pxr import Pcp, Tf, Usd
+
+from fgf_warp.errors import FgfError, SceneError
+from usd_scenes.reader.notes import Notes
+
+STAGE_ADDRESS = re.compile(r"\s*\([^()]* on stage @.*$", re.DOTALL)
+"""USD ends warnings with the stage's address in memory, which differs from run to run."""
+CYCLES = (Pcp.ErrorType_ArcCycle, Pcp.ErrorType_SublayerCycle)
+
+
+@contextmanager
+def usd_errors_as_scene_errors(source: str) -> Iterator[Tf.DiagnosticTrap]:
+    """Keeps USD's messages off the terminal, and names `source` in front of every error.
+
+    Args:
+        source: the file, as the user wrote it.
+
+    Yields:
+        The trap that holds USD's warnings.
+
+    Raises:
+        FgfError: of the class that was raised inside, or SceneError for an error of USD.
+    """
+    with Tf.DiagnosticTrap() as trap:
+        try:
+            yield trap
+        except Tf.ErrorException as error:
+            raise SceneError(_named(source, _first_line(error.args[0].commentary))) from None
+        except FgfError as error:
+            raise type(error)(_named(source, str(error))) from error
+        finally:
+            trap.Clear()
+
+
+def open_stage(path: Path) -> Usd.Stage:
+    """The stage in a file.
+
+    Raises:
+        SceneError: where there is no such file or it is no USD file.
+        Tf.ErrorException: where USD cannot parse it.
+    """
+    if not path.is_file():
+        raise SceneError("no such file")
+    if not Usd.Stage.IsSupportedFile(str(path)):
+        raise SceneError("not a USD file; accepted: .usd, .usda, .usdc and .usdz")
+    try:
+        return Usd.Stage.Open(str(path))
+    except Tf.ErrorException as error:
+        if len(error.args) == 1:  # Only "failed to open": no parser took it.
+            raise SceneError("not a USD file, whatever its name ends with") from None
+        raise
+
+
+def refuse_composition_errors(stage: Usd.Stage) -> None:
+    """Refuses a stage of which a reference, payload or layer is missing or goes round in a circle.
+
+    Raises:
+        SceneError: naming the prim and the asset of the first such error.
+    """
+    errors = stage.GetCompositionErrors()
+    if not errors:
+        return
+    # A circle is the cause of much else that USD then reports.
+    first = min(errors, key=lambda error: (error.errorType not in CYCLES, str(error.rootSite.path), str(error)))
+    text = _on_one_line(str(first)).removesuffix("; skipping.")
+    more = f" (and {len(errors) - 1} more such errors)" if len(errors) > 1 else ""
+    raise SceneError(f"{first.rootSite.path}: {text}{more}")
+
+
+def note_warnings(trap: Tf.DiagnosticTrap, notes: Notes) -> None:
+    """Hands on what USD warned of."""
+    for warning in trap.GetWarnings():
+        notes.add(f"USD: {_on_one_line(STAGE_ADDRESS.sub('', warning.commentary))}")
+
+
+def _named(source: str, text: str) -> str:
+    return text if source in text.split(": ", maxsplit=1)[0] else f"{source}: {text}"
+
+
+def _first_line(text: str) -> str:
+    return text.strip().splitlines()[0]
+
+
+def _on_one_line(text: str) -> str:
+    return re.sub(r",@anon:[^@]*@", "", " ".join(text.split()))

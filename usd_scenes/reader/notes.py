@@ -1,0 +1,29 @@
+"""What a reader has to tell about a stage without refusing it."""
+
+from __future__ import annotations
+
+PATHS_SHOWN = 5
+
+
+class Notes:
+    """Collects warnings: one text per kind, which lists the prims it holds for."""
+
+    def __init__(self) -> None:
+        self._paths: dict[str, list[str]] = {}
+
+    def add(self, text: str, path: object = "") -> None:
+        """Notes `text` for the prim or attribute at `path`, or for the whole stage."""
+        paths = self._paths.setdefault(text, [])
+        if path and str(path) not in paths:
+            paths.append(str(path))
+
+    def texts(self) -> tuple[str, ...]:
+        """The warnings in the order in which their kinds were met."""
+        return tuple(_with_paths(text, paths) for text, paths in self._paths.items())
+
+
+def _with_paths(text: str, paths: list[str]) -> str:
+    if not paths:
+        return text
+    more = len(paths) - PATHS_SHOWN
+    return f"{text}: {', '.join(paths[:PATHS_SHOWN])}" + (f" and {more} more" if more > 0 else "")

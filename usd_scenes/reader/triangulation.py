@@ -1,0 +1,81 @@
+"""Polygons to triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def triangulate(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
+    """Splits polygons into triangles of the same orientation.
+
+    A face is cut into a fan from its first corner, else from its second, which covers all convex faces and all
+    quads; the faces that are left, concave ones of more corners, lose one ear after the other.
+
+    Args:
+        points: (n, 3) float.
+        counts: (f,) int, corners of each face; faces with fewer than three are dropped.
+        indices: (sum(counts),) int, the corners of all faces.
+
+    Returns:
+        (m, 3) int32, grouped by the number of corners.
+    """
+    starts = np.cumsum(counts) - counts
+    found = [np.empty((0, 3), dtype=np.int32)]
+    for count in np.unique(counts[counts >= 3]):
+        faces = indices[starts[counts == count, None] + np.arange(count)]
+        for first_corner in (0, 1):
+            fan_faces = np.roll(faces, -first_corner, axis=1)
+            covered = _fan_covers(points[fan_faces])
+            found.append(_fan(fan_faces[covered]))
+            faces = faces[~covered]
+        found.extend(_cut_ears(points, face) for face in faces)
+    return np.concatenate(found).astype(np.int32)
+
+
+def signed_volume(points: np.ndarray, triangles: np.ndarray) -> float:
+    """Volume that a closed mesh encloses [unit^3], > 0 where its triangles face outwards."""
+    centered = points - points.mean(axis=0)
+    a, b, c = (centered[triangles[:, corner]] for corner in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def _fan(faces: np.ndarray) -> np.ndarray:
+    first = np.broadcast_to(faces[:, :1], faces[:, 1:-1].shape)
+    return np.stack([first, faces[:, 1:-1], faces[:, 2:]], axis=-1).reshape(-1, 3)
+
+
+def _fan_covers(corners: np.ndarray) -> np.ndarray:
+    """(f,) bool for (f, k, 3) corners: no triangle of the fan is turned over against the face."""
+    from_first = corners[:, 1:] - corners[:, :1]
+    doubled_areas = np.cross(from_first[:, :-1], from_first[:, 1:])
+    normal = doubled_areas.sum(axis=1, keepdims=True)
+    return ((doubled_areas * normal).sum(axis=2) >= 0).all(axis=1)
+
+
+def _cut_ears(points: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """(k - 2, 3) triangles of one concave face of k corners."""
+    corners = points[face]
+    normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
+    drop = int(np.argmax(np.abs(normal)))
+    flat = corners[:, [(drop + 1) % 3, (drop + 2) % 3]]
+    if normal[drop] < 0:  # Seen from behind the face runs clockwise: mirror it.
+        flat[:, 0] *= -1
+    left, triangles = list(range(len(face))), []
+    while len(left) > 3:
+        at = next((at for at in range(len(left)) if _is_ear(flat, left, at)), 0)
+        triangles.append((left[at - 1], left[at], left[(at + 1) % len(left)]))
+        del left[at]
+    return face[np.array([*triangles, tuple(left)])]
+
+
+def _is_ear(flat: np.ndarray, left: list[int], at: int) -> bool:
+    before, tip, after = left[at - 1], left[at], left[(at + 1) % len(left)]
+    ring = flat[[before, tip, after]]
+    others = flat[[corner for corner in left if corner not in (before, tip, after)]]
+    sides = np.stack([_turn(ring[i], ring[(i + 1) % 3], others) for i in range(3)])
+    return bool(_turn(ring[0], ring[1], ring[2]) > 0 and not (sides > 0).all(axis=0).any())
+
+
+def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Twice the signed area of the triangles a, b, c in the plane, > 0 where they turn left."""
+    return (b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0])

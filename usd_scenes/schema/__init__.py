@@ -1,0 +1,52 @@
+"""FgfMediumAPI, the applied schema that makes a Material a fractional Gaussian field medium.
+
+`schema.usda` is the source; `generatedSchema.usda` and `plugInfo.json` are made from it by
+``python -m pxr.Usd.usdGenSchema schema.usda .`` in this folder, and are what USD reads.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pxr import Plug, Usd
+
+from fgf_warp.errors import SceneError
+
+SCHEMA_NAME = "FgfMediumAPI"
+FOLDER = Path(__file__).parent
+
+MEDIUM_ATTRIBUTES: dict[str, str] = {
+    "mean_extinction": "inputs:fgf:meanExtinction",
+    "extinction_color": "inputs:fgf:extinctionColor",
+    "albedo": "inputs:fgf:albedo",
+    "asymmetry": "inputs:fgf:asymmetry",
+    "hurst": "inputs:fgf:hurst",
+    "white_noise_scale": "inputs:fgf:whiteNoiseScale",
+    "outer_scale": "inputs:fgf:outerScale",
+    "kappa": "inputs:fgf:kappa",
+    "transport": "fgf:transport",
+    "priority": "fgf:priority",
+}
+"""Which attribute holds each field of `fgf_warp.scene.Medium`."""
+
+BOUNDARY_ATTRIBUTE = "fgf:boundary"
+BOUNDARIES = ("none", "surface")
+
+
+def add_plugin() -> None:
+    """Tells USD where FgfMediumAPI is; of no effect where it has read its schemas already."""
+    Plug.Registry().RegisterPlugins(str(FOLDER))
+
+
+def register() -> None:
+    """Makes FgfMediumAPI known to USD; may be called any number of times.
+
+    Raises:
+        SceneError: where USD had read its schemas before `usd_scenes` was imported.
+    """
+    add_plugin()
+    if Usd.SchemaRegistry().FindAppliedAPIPrimDefinition(SCHEMA_NAME) is None:
+        raise SceneError(
+            f"USD does not know {SCHEMA_NAME}: a stage was opened before usd_scenes was imported; import usd_scenes "
+            f"first, or set PXR_PLUGINPATH_NAME to {FOLDER}"
+        )
