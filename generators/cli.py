@@ -149,7 +149,7 @@ def render(
     from fgf_warp.renderer import prepare  # noqa: PLC0415
     from fgf_warp.renderer import render as render_scene  # noqa: PLC0415
 
-    with _progress("rendering") as progress:
+    with _progress(counted=False) as progress:
         task = progress.add_task("building the kernel", total=None)
         prepare(base.scene, settings)
 
@@ -190,11 +190,14 @@ def generate(
     folder = out or Path(loaded.config.output or f"datasets/{loaded.config.name}")
     _start_warp(device)
     _warn(warnings)
-    with _progress("samples") as progress:
-        task = progress.add_task("building the kernel", total=None)
+    with _progress(counted=True) as progress:
 
         def show(done: int, total: int) -> None:
-            progress.update(task, description="samples", completed=done, total=total)
+            # The first call comes before the first image, while the kernels are built.
+            if not progress.tasks:
+                progress.add_task("building the kernel", completed=done, total=total)
+            else:
+                progress.update(progress.task_ids[0], description="rendering", completed=done, total=total)
 
         report = run.generate(plan, loaded, folder, workers=workers, progress=show)
     _print_report(report, folder / run.CONTACT_SHEET)
@@ -331,7 +334,7 @@ def _start_warp(device: str) -> None:
     """Starts Warp without its banner and sees that the device is there."""
     import warp as wp  # noqa: PLC0415
 
-    wp.config.quiet = True
+    wp.config.log_level = wp.LOG_WARNING
     from fgf_warp.renderer import check_device  # noqa: PLC0415
 
     check_device(device)
@@ -369,8 +372,8 @@ def _sample_warnings(made: Plan) -> list[str]:
 
 
 @contextmanager
-def _progress(unit: str) -> Iterator[Progress]:
-    """A bar on stderr with count, rate and time left."""
+def _progress(*, counted: bool) -> Iterator[Progress]:
+    """A bar on stderr with rate and time left, and the count where it is worth reading."""
     from rich.console import Console  # noqa: PLC0415
     from rich.progress import (  # noqa: PLC0415
         BarColumn,
@@ -387,7 +390,7 @@ def _progress(unit: str) -> Iterator[Progress]:
         def render(self, task: Task) -> Text:
             return Text(f"{task.speed:,.3g}/s" if task.speed else "")
 
-    count = [MofNCompleteColumn()] if unit == "samples" else []
+    count = [MofNCompleteColumn()] if counted else []
     columns = [TextColumn("{task.description}"), BarColumn(), *count, Rate(), TimeRemainingColumn()]
     with Progress(*columns, console=Console(stderr=True)) as progress:
         yield progress
@@ -429,11 +432,11 @@ def _print_plan(made: Plan) -> None:
     from fgf_warp.output.exr import channel_names  # noqa: PLC0415
 
     swept = list(made.samples[0].parameters)
-    table = Table("index", *swept, "regime", "b", "kappa", "transport", "seed", title=made.name)
+    table = Table("index", *swept, "regime", "b", "kappa", "transport", title=made.name)
     for sample in made.samples[:PLAN_ROWS]:
         rule = sample.medium.line_law
         values = [f"{sample.parameters[name]:.6g}" for name in swept]
-        numbers = [f"{rule.b:.4g}", f"{rule.kappa:.4g}", sample.medium.resolved_transport, str(sample.seed)]
+        numbers = [f"{rule.b:.4g}", f"{rule.kappa:.4g}", sample.medium.resolved_transport]
         table.add_row(str(sample.index), *values, rule.regime, *numbers)
     console = Console()
     console.print(table)

@@ -17,7 +17,8 @@ from generators.plan import Plan, Sample
 
 THUMBNAILS_MAX = 240
 """Above it the sheet shows an evenly spaced part of the samples."""
-THUMBNAIL_WIDTH = 200
+THUMBNAIL_WIDTH, MANY, THUMBNAIL_WIDTH_OF_MANY = 256, 60, 160
+"""[pixel] Widest thumbnail of a sheet, and of one with many samples."""
 ASPECT = 1.5
 """Width over height that a sheet aims at."""
 MARGIN, GAP, GROUP_GAP, LABEL_GAP = 40, 10, 18, 14
@@ -99,7 +100,7 @@ def write_contact_sheet(path: Path, plan: Plan, folder: Path) -> None:
         x, y = left + xs[place % layout.column_count], top + ys[place // layout.column_count]
         file = folder / exr_name(sample)
         if file.exists():
-            canvas.paste(_thumbnail(file, plan.exposure), x, y)
+            canvas.paste(_thumbnail(file, plan), x, y)
         else:
             canvas.fill(x, y, cell.width, cell.image_height, EMPTY)
         for i, words in enumerate(captions[sample.index]):
@@ -107,17 +108,21 @@ def write_contact_sheet(path: Path, plan: Plan, folder: Path) -> None:
     write_png(path, canvas.pixels)
 
 
-def _thumbnail(file: Path, exposure: float) -> np.ndarray:
+def _thumbnail(file: Path, plan: Plan) -> np.ndarray:
     channels, _ = read_exr(file)
     radiance = np.stack([channels[name] for name in "RGB"], axis=2)
-    return to_display(resize_linear(radiance, THUMBNAIL_WIDTH), exposure)
+    return to_display(resize_linear(radiance, _thumbnail_width(plan)), plan.exposure)
 
 
 def _thumbnail_shape(plan: Plan) -> tuple[int, int]:
     """Height and width."""
     blank = np.zeros((plan.settings.height, plan.settings.width, 3), np.float32)
-    height, width, _ = resize_linear(blank, THUMBNAIL_WIDTH).shape
+    height, width, _ = resize_linear(blank, _thumbnail_width(plan)).shape
     return height, width
+
+
+def _thumbnail_width(plan: Plan) -> int:
+    return THUMBNAIL_WIDTH if len(plan.samples) <= MANY else THUMBNAIL_WIDTH_OF_MANY
 
 
 def _choose_layout(plan: Plan, shape: tuple[int, int]) -> Layout:
