@@ -17,7 +17,8 @@ FRACTIONAL = wp.constant(2)
 
 ESCAPED = wp.constant(1.0e30)
 """Saturated flight, beyond every scene."""
-LN_ESCAPED = wp.constant(69.0)
+LN_LARGEST = wp.constant(84.0)
+"""exp of it times any -ln xi is still finite in float32, and beyond ESCAPED for all but the shortest."""
 LARGE_LN_Y = wp.constant(16.0)
 """Above it 1 + y = y in float32, and y need not be formed."""
 TINY_U = wp.constant(1.0e-37)
@@ -76,7 +77,7 @@ def ln_y(law: Law, u: float) -> float:
 
 @wp.func
 def line_exponent(law: Law, u: float) -> float:
-    """f(u) = -ln Tr(u); relative error below 3e-6."""
+    """f(u) = -ln Tr(u); relative error below 1e-5."""
     if law.kind == EXPONENTIAL:
         return law.rate * u
     w = ln_y(law, u)
@@ -87,7 +88,7 @@ def line_exponent(law: Law, u: float) -> float:
 
 @wp.func
 def line_exponent_d1(law: Law, u: float) -> float:
-    """f'(u); relative error below 3e-6."""
+    """f'(u); relative error below 1e-5."""
     if law.kind == EXPONENTIAL:
         return law.rate
     w = ln_y(law, u)
@@ -99,7 +100,7 @@ def line_exponent_d1(law: Law, u: float) -> float:
 
 @wp.func
 def line_exponent_d2(law: Law, u: float) -> float:
-    """f''(u) for u > 0; relative error below 5e-6."""
+    """f''(u) for u > 0; relative error below 2e-5."""
     if law.kind == EXPONENTIAL:
         return 0.0
     w = ln_y(law, u)
@@ -118,25 +119,25 @@ def initial_rate(law: Law) -> float:
 
 @wp.func
 def transmittance_ss(law: Law, u: float) -> float:
-    """Tss = Tr(u); relative error below 3e-6 (1 + f(u))."""
+    """Tss = Tr(u); relative error below 1e-6 + 1e-5 f(u)."""
     return wp.exp(-line_exponent(law, u))
 
 
 @wp.func
 def density_sm(law: Law, u: float) -> float:
-    """Tsm = -Tr'(u); relative error below 6e-6 (1 + f(u))."""
+    """Tsm = -Tr'(u); relative error below 1e-5 (1 + f(u))."""
     return line_exponent_d1(law, u) * transmittance_ss(law, u)
 
 
 @wp.func
 def transmittance_ms(law: Law, u: float) -> float:
-    """Tms = Tr'(u) / Tr'(0), b >= 0; relative error below 6e-6 (1 + f(u))."""
+    """Tms = Tr'(u) / Tr'(0), b >= 0; relative error below 1e-5 (1 + f(u))."""
     return density_sm(law, u) / initial_rate(law)
 
 
 @wp.func
 def density_mm(law: Law, u: float) -> float:
-    """Tmm = Tr''(u) / -Tr'(0), b >= 0; relative error below 1e-5 (1 + f(u))."""
+    """Tmm = Tr''(u) / -Tr'(0), b >= 0; relative error below 2e-5 + 1e-5 f(u)."""
     d1 = line_exponent_d1(law, u)
     return (d1 * d1 - line_exponent_d2(law, u)) * transmittance_ss(law, u) / initial_rate(law)
 
@@ -158,7 +159,7 @@ def flight_from_exponent(law: Law, tables: wp.array(dtype=wp.vec2), exponent: fl
     chord = right[0] - left[0]
     bend = (left[1] - chord) * (1.0 - t) - (right[1] - chord) * t
     ln_ratio = left[0] + t * chord + t * (1.0 - t) * bend
-    return wp.min(exponent * wp.exp(wp.min(ln_ratio, LN_ESCAPED)), ESCAPED)
+    return wp.min(exponent * wp.exp(wp.min(ln_ratio, LN_LARGEST)), ESCAPED)
 
 
 @wp.func
@@ -178,4 +179,4 @@ def sample_mm(law: Law, tables: wp.array(dtype=wp.vec2), xi: float, xi2: float, 
         return first
     r = wp.where(xi3 < law.b, 1.0, wp.max((xi3 - law.b) / (1.0 - law.b), 1.0e-10))
     ln_second = (wp.log((1.0 - xi2) / (xi2 * r)) - law.ln_kappa) / law.b
-    return wp.min(first, wp.exp(wp.min(ln_second, LN_ESCAPED)))
+    return wp.min(first, wp.exp(wp.min(ln_second, LN_LARGEST)))

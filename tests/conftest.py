@@ -1,0 +1,35 @@
+"""Set-up of every test: a quiet Warp, and the theory's check values where they are at hand."""
+
+import csv
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+import pytest
+import warp as wp
+
+wp.config.quiet = True
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+@pytest.fixture(scope="session")
+def reference():
+    """Reads a table of check values: column name -> float64 array (strings stay strings)."""
+
+    def read(name: str) -> dict[str, np.ndarray]:
+        path = SHARED / "theory" / "reference" / name
+        if not path.exists():
+            pytest.skip(f"the check values {name} are not on this machine")
+        with path.open(newline="") as file:
+            rows = list(csv.DictReader(file))
+        return {key: _column([row[key] for row in rows]) for key in rows[0]}
+
+    return read
+
+
+def _column(values: list[str]) -> np.ndarray:
+    try:
+        return np.array([float(Decimal(value)) for value in values])
+    except ArithmeticError:
+        return np.array(values)

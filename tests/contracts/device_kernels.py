@@ -1,0 +1,151 @@
+"""Kernels that evaluate the device's functions over arrays, for the contract tests."""
+
+import numpy as np
+import warp as wp
+
+from fgf_warp.device import law, lights, phase, rng, surfaces
+from fgf_warp.device.law import Law
+from fgf_warp.theory.law import LineLaw
+from fgf_warp.upload import FlightTables, build_device_law
+
+
+@wp.kernel(enable_backward=False)
+def eval_law_kernel(laws: wp.array(dtype=Law), u: wp.array(dtype=float), out: wp.array2d(dtype=float)):
+    i = wp.tid()
+    out[0, i] = law.line_exponent(laws[i], u[i])
+    out[1, i] = law.line_exponent_d1(laws[i], u[i])
+    out[2, i] = law.line_exponent_d2(laws[i], u[i])
+    out[3, i] = law.transmittance_ss(laws[i], u[i])
+    out[4, i] = law.density_sm(laws[i], u[i])
+    if laws[i].b >= 0.0:
+        out[5, i] = law.transmittance_ms(laws[i], u[i])
+        out[6, i] = law.density_mm(laws[i], u[i])
+
+
+LAW_FUNCTIONS = (
+    "line_exponent",
+    "line_exponent_d1",
+    "line_exponent_d2",
+    "transmittance_ss",
+    "density_sm",
+    "transmittance_ms",
+    "density_mm",
+)
+
+
+@wp.kernel(enable_backward=False)
+def eval_ratio_kernel(y: wp.array(dtype=float), out: wp.array2d(dtype=float)):
+    i = wp.tid()
+    out[0, i] = law.log1p_ratio(y[i])
+    out[1, i] = law.log1p_ratio_slope(y[i])
+
+
+@wp.kernel(enable_backward=False)
+def sample_law_kernel(
+    laws: wp.array(dtype=Law),
+    tables: wp.array(dtype=wp.vec2),
+    xi: wp.array(dtype=wp.vec3),
+    out: wp.array2d(dtype=float),
+):
+    i = wp.tid()
+    one = laws[i % laws.shape[0]]
+    out[0, i] = law.sample_sm(one, tables, xi[i][0])
+    if one.b >= 0.0:
+        out[1, i] = law.sample_mm(one, tables, xi[i][0], xi[i][1], xi[i][2])
+
+
+@wp.kernel(enable_backward=False)
+def eval_hg_kernel(g: float, w: wp.vec3, wi: wp.array(dtype=wp.vec3), out: wp.array(dtype=float)):
+    i = wp.tid()
+    out[i] = phase.eval_hg(g, w, wi[i])
+
+
+@wp.kernel(enable_backward=False)
+def sample_hg_kernel(g: float, w: wp.vec3, xi: wp.array(dtype=wp.vec2), out: wp.array(dtype=wp.vec3)):
+    i = wp.tid()
+    out[i] = phase.sample_hg(g, w, xi[i][0], xi[i][1])
+
+
+@wp.kernel(enable_backward=False)
+def sample_hg_cosine_kernel(g: float, xi: wp.array(dtype=float), out: wp.array(dtype=float)):
+    i = wp.tid()
+    out[i] = phase.sample_hg_one_minus_cos(g, xi[i])
+
+
+@wp.kernel(enable_backward=False)
+def sample_diffuse_kernel(n: wp.vec3, xi: wp.array(dtype=wp.vec2), out: wp.array(dtype=wp.vec3)):
+    i = wp.tid()
+    out[i] = surfaces.sample_diffuse(n, xi[i][0], xi[i][1])
+
+
+@wp.kernel(enable_backward=False)
+def sample_light_kernel(
+    light: wp.array(dtype=lights.Light),
+    position: wp.vec3,
+    xi: wp.array(dtype=wp.vec2),
+    direction: wp.array(dtype=wp.vec3),
+    out: wp.array2d(dtype=float),
+):
+    i = wp.tid()
+    s = lights.sample_light(light[0], position, xi[i][0], xi[i][1])
+    direction[i] = s.direction
+    out[0, i] = s.pdf_solid_angle
+    out[1, i] = lights.light_pdf(light[0], position, position + s.direction * s.distance, s.direction)
+    out[2, i] = s.distance
+
+
+@wp.kernel(enable_backward=False)
+def philox_kernel(seed: wp.uint64, counter: wp.array(dtype=wp.vec4ui), rounds: int, out: wp.array(dtype=wp.vec4ui)):
+    i = wp.tid()
+    c = counter[i]
+    out[i] = rng.philox(seed, c[0], c[1], c[2], c[3], rounds)
+
+
+@wp.kernel(enable_backward=False)
+def uniforms_kernel(seed: wp.uint64, samples: int, purpose: int, out: wp.array2d(dtype=wp.vec4)):
+    pixel, sample = wp.tid()
+    out[pixel, sample] = rng.uniforms(seed, pixel, sample, 0, purpose)
+
+
+def device_laws(pairs, *, reciprocal: bool = True):
+    """The device's laws of (b, kappa) pairs, and their flight tables."""
+    tables = FlightTables()
+    made = [
+        build_device_law(LineLaw("pink", float(b), float(kappa), (b - 1) / 2, 1.0, None), reciprocal, tables)
+        for b, kappa in pairs
+    ]
+    rows = tables.rows() if tables.rows().size else np.zeros((1, 2), dtype=np.float32)
+    return wp.array(made, dtype=Law, device="cpu"), wp.array(rows, dtype=wp.vec2, device="cpu")
+
+
+def eval_law(pairs, u) -> dict[str, np.ndarray]:
+    """Every function of the law at (b, kappa, u) triples."""
+    laws, _ = device_laws(pairs)
+    out = wp.full((len(LAW_FUNCTIONS), len(u)), np.nan, dtype=float, device="cpu")
+    wp.launch(eval_law_kernel, dim=len(u), inputs=[laws, _floats(u)], outputs=[out], device="cpu")
+    return dict(zip(LAW_FUNCTIONS, out.numpy(), strict=True))
+
+
+def eval_ratios(y) -> tuple[np.ndarray, np.ndarray]:
+    """l and m at each y."""
+    out = wp.zeros((2, len(y)), dtype=float, device="cpu")
+    wp.launch(eval_ratio_kernel, dim=len(y), inputs=[_floats(y)], outputs=[out], device="cpu")
+    return tuple(out.numpy())
+
+
+def sample_law(pairs, xi) -> np.ndarray:
+    """(2, n): sample_sm and sample_mm; law i mod len(pairs) takes the uniforms of row i, (n, 3)."""
+    laws, tables = device_laws(pairs)
+    out = wp.full((2, len(xi)), np.nan, dtype=float, device="cpu")
+    wp.launch(
+        sample_law_kernel,
+        dim=len(xi),
+        inputs=[laws, tables, wp.array(np.asarray(xi, dtype=np.float32), dtype=wp.vec3, device="cpu")],
+        outputs=[out],
+        device="cpu",
+    )
+    return out.numpy()
+
+
+def _floats(values) -> wp.array:
+    return wp.array(np.asarray(values, dtype=np.float32), dtype=float, device="cpu")

@@ -1,0 +1,113 @@
+"""Media seen without scattering, where the picture is the law itself; nesting; chromatic extinction."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fgf_warp.renderer import render
+from fgf_warp.scene import Medium, Mesh, Solid
+from fgf_warp.settings import Aov, RenderSettings
+from fgf_warp.theory import kernels
+from tests import stats
+from tests.grid import REGIMES
+from tests.scenes import camera, furnace, transform
+
+SETTINGS = RenderSettings(width=32, height=32, spp=256, seed=11)
+BLACK = (0.0, 0.0, 0.0)
+
+
+def through_the_middle(scene):
+    """The same scene through a camera that sees the sphere's centre alone."""
+    return replace(scene, camera=camera((0, 0, 5), (0, 0, 0), aperture=1e-4))
+
+
+def transmittance(medium: Medium, t: float) -> float:
+    law = medium.line_law
+    return float(kernels.transmittance_ss(law.b, law.kappa, medium.mean_extinction * t))
+
+
+@pytest.mark.parametrize("regime", REGIMES)
+def test_absorbing_sphere_shows_the_law(regime):
+    scene = through_the_middle(furnace(albedo=BLACK, **REGIMES[regime]))
+    result = render(scene, replace(SETTINGS, aovs=frozenset(Aov)))
+    expected = transmittance(scene.media[0], 2.0)
+    stats.assert_means(*stats.image_mean(result), expected, detects=0.2)
+    assert np.abs(result.aovs[Aov.TRANSMITTANCE] / expected - 1).max() < 2e-5
+    assert np.abs(result.aovs[Aov.DEPTH] - 4.0).max() < 1e-5
+    assert np.abs(1 - result.alpha - result.radiance[..., 0]).max() < 1e-6
+
+
+@pytest.mark.parametrize("regime", REGIMES)
+def test_camera_inside(regime):
+    scene = replace(furnace(albedo=BLACK, **REGIMES[regime]), camera=camera((0, 0, 0), (1, 2, 3)))
+    stats.assert_means(*stats.image_mean(render(scene, SETTINGS)), transmittance(scene.media[0], 1.0), detects=0.05)
+
+
+def test_memory_restarts_at_boundaries():
+    """Of nested media the one of higher priority fills the space, and each segment begins anew."""
+    scene = furnace(albedo=BLACK, **REGIMES["pink"])
+    inner = Medium("/inner", 0.7, BLACK, hurst=0.3, white_noise_scale=0.5, outer_scale=5.0, priority=2)
+    scene = through_the_middle(
+        replace(
+            scene,
+            shapes=(*scene.shapes, Solid("/core", "cube", transform(0.5), medium=1)),
+            media=(scene.media[0], inner),
+        )
+    )
+    shell, core = transmittance(scene.media[0], 0.5), transmittance(inner, 1.0)
+    stats.assert_means(*stats.image_mean(render(scene, SETTINGS)), shell * core * shell, detects=0.05)
+
+    buried = replace(scene, media=(scene.media[0], replace(inner, priority=-1)))
+    expected = shell * transmittance(scene.media[0], 1.0) * shell
+    stats.assert_means(*stats.image_mean(render(buried, SETTINGS)), expected, detects=0.1)
+
+
+CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
+BOX = np.array(
+    [
+        [0, 1, 3],
+        [0, 3, 2],
+        [4, 6, 7],
+        [4, 7, 5],
+        [0, 4, 5],
+        [0, 5, 1],
+        [2, 3, 7],
+        [2, 7, 6],
+        [0, 2, 6],
+        [0, 6, 4],
+        [1, 5, 7],
+        [1, 7, 3],
+    ]
+)
+
+
+def test_a_mesh_is_the_solid_that_it_draws():
+    tilt = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
+    tilt *= np.sign(np.linalg.det(tilt))
+    matrix = np.eye(4)
+    matrix[:3, :3] = tilt
+    scene = furnace(fills_view=False, **(REGIMES["pink"] | dict(albedo=(0.8, 0.8, 0.8))))
+    as_solid = replace(scene, shapes=(Solid("/box", "cube", matrix, medium=0),))
+    as_mesh = replace(scene, shapes=(Mesh("/box", CORNERS @ tilt.T, BOX, medium=0),))
+    a, b = render(as_solid, replace(SETTINGS, seed=1)), render(as_mesh, replace(SETTINGS, seed=2))
+    stats.assert_images_agree(a, b, blocks=4, detects=0.05)
+
+
+@pytest.mark.parametrize("regime", ["white", "pink", "fbm"])
+@pytest.mark.parametrize("transport", ["reciprocal", "renewal"])
+def test_chromatic_extinction_is_three_media(regime, transport):
+    """Each channel of a chromatic render against a render of that channel's extinction alone."""
+    color, albedo = (1.0, 0.4, 0.1), (0.9, 0.7, 0.99)
+    parameters = REGIMES[regime] | dict(transport=transport, asymmetry=0.5)
+    settings = replace(SETTINGS, spp=512)
+    together = render(furnace(extinction_color=color, albedo=albedo, **parameters), settings)
+    found, errors, expected = [], [], []
+    for channel in range(3):
+        alone = furnace(mean_extinction=2.5 * color[channel], albedo=(albedo[channel],) * 3, **parameters)
+        mono = stats.image_mean(render(alone, replace(settings, seed=50 + channel)))
+        mean, error = stats.image_mean(together, channel)
+        found.append(mean)
+        errors.append(np.hypot(error, mono[1]))
+        expected.append(mono[0])
+    stats.assert_means(found, errors, expected, detects=0.02)

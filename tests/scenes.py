@@ -1,0 +1,62 @@
+"""Scenes with known answers, in code."""
+
+import numpy as np
+
+from fgf_warp.scene import Camera, DomeLight, Medium, Scene, Solid, Surface
+
+
+def transform(scale=(1.0, 1.0, 1.0), at=(0.0, 0.0, 0.0)) -> np.ndarray:
+    matrix = np.diag([*np.broadcast_to(scale, 3), 1.0]).astype(np.float64)
+    matrix[:3, 3] = at
+    return matrix
+
+
+def camera(position, towards, *, aperture=1.0, focal_length=1.0) -> Camera:
+    """A square camera at `position` that looks at `towards`."""
+    position, towards = np.asarray(position, dtype=np.float64), np.asarray(towards, dtype=np.float64)
+    back = (position - towards) / np.linalg.norm(position - towards)
+    right = np.cross([0.0, 1.0, 0.0] if abs(back[1]) < 0.9 else [1.0, 0.0, 0.0], back)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, :4] = np.column_stack([right, np.cross(back, right), back, position])
+    return Camera("/camera", matrix, focal_length, aperture, aperture)
+
+
+def furnace(*, sky=(1.0, 1.0, 1.0), fills_view=True, **medium) -> Scene:
+    """The unit sphere, full of a medium of sigma_m 2.5, in a uniform sky.
+
+    With `fills_view` the camera sees nothing but the sphere's disc.
+    """
+    medium = {"mean_extinction": 2.5, "albedo": (1.0, 1.0, 1.0)} | medium
+    return Scene(
+        camera((0, 0, 5), (0, 0, 0), aperture=0.28 if fills_view else 0.6),
+        shapes=(Solid("/sphere", "sphere", np.eye(4), medium=0),),
+        media=(Medium("/medium", **medium),),
+        lights=(DomeLight("/sky", sky),),
+    )
+
+
+WIDE = 1e7
+FAR = 1e3
+
+
+def slab(thickness: float, *, incidence: str, **medium) -> Scene:
+    """An unbounded slab, sigma_m = 1, whose reflectance is the red and transmittance the green of every pixel.
+
+    A path is a particle that enters from the camera's side. Red is the sky above; green glows from a plane far
+    below. With Lambert incidence the camera sees the underside of a small white patch high above the slab.
+    """
+    below = Solid("/below", "cube", transform((WIDE, WIDE, 1.0), (0, 0, -FAR)), Surface((0, 0, 0), (0, 1, 0)))
+    block = Solid("/slab", "cube", transform((WIDE, WIDE, thickness / 2)), medium=0)
+    shapes = [below, block]
+    if incidence == "lambert":
+        shapes.append(Solid("/patch", "cube", transform(1.0, (0, 0, FAR + 1.0)), Surface((1.0, 1.0, 1.0))))
+        view = camera((0, 0, FAR - 1.0), (0, 0, FAR), aperture=1e-3)
+    else:
+        view = camera((0, 0, 10.0), (0, 0, 0), aperture=1e-4)
+    return Scene(
+        view,
+        shapes=tuple(shapes),
+        media=(Medium("/medium", mean_extinction=1.0, **medium),),
+        lights=(DomeLight("/sky", (1.0, 0.0, 0.0)),),
+    )
