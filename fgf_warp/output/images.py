@@ -15,6 +15,8 @@ from fgf_warp.output.atomic import replacing
 
 FIXED_DATE = "1970:01:01 00:00:00"
 """In every header, so that equal pixels give equal bytes."""
+OIIO_TYPES = {"float32": "float", "uint8": "uint8"}
+"""OpenImageIO takes a type name it does not know for half, without an error."""
 
 
 def write_image(path: Path, pixels: np.ndarray, channels: Sequence[str], attributes: Mapping[str, str]) -> None:
@@ -30,7 +32,7 @@ def write_image(path: Path, pixels: np.ndarray, channels: Sequence[str], attribu
         OutputError: where the file cannot be written.
     """
     height, width, _ = pixels.shape
-    spec = oiio.ImageSpec(width, height, len(channels), str(pixels.dtype))
+    spec = oiio.ImageSpec(width, height, len(channels), OIIO_TYPES[pixels.dtype.name])
     spec.channelnames = tuple(channels)
     spec.alpha_channel = channels.index("A") if "A" in channels else -1
     spec.z_channel = channels.index("Z") if "Z" in channels else -1

@@ -1,0 +1,68 @@
+"""A dataset's base scene in code, and a renderer that does not render."""
+
+import textwrap
+
+import pytest
+
+import fgf_warp.renderer
+import usd_scenes.reader
+from tests.renders import made_up_render
+from tests.scenes import furnace
+from usd_scenes.reader import StageReading
+
+CONFIG = """\
+name: trial
+scene: scene.usda
+seed: 7
+image: {width: 12, height: 8}
+spp: 4
+aovs: [variance]
+axes:
+  H: [-0.5, -0.25]
+  g:
+    linspace: [-0.5, 0.5, 3]
+  S_w: {loguniform: [0.1, 10]}
+"""
+
+
+@pytest.fixture
+def scene():
+    return furnace()
+
+
+@pytest.fixture
+def config_path(tmp_path, monkeypatch, scene):
+    """A config file beside its scene, which reads as the furnace."""
+    monkeypatch.setattr(usd_scenes.reader, "read_scene", lambda path, **_: StageReading(scene, None, ()))
+    (tmp_path / "scene.usda").write_text("#usda 1.0\n")
+    path = tmp_path / "trial.yaml"
+    path.write_text(CONFIG)
+    return path
+
+
+@pytest.fixture
+def write_config(tmp_path):
+    """Writes a config of the given lines and returns its path."""
+
+    def write(text: str):
+        path = tmp_path / "config.yaml"
+        path.write_text(textwrap.dedent(text))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def fake_renderer(monkeypatch):
+    """Takes the renderer's place; the list of seeds it was asked for."""
+    seeds = []
+
+    def render(scene, settings, progress=None):
+        seeds.append(settings.seed)
+        if progress:
+            progress(1, 1)
+        return made_up_render(settings, H=scene.media[0].hurst)
+
+    monkeypatch.setattr(fgf_warp.renderer, "prepare", lambda scene, settings: None)
+    monkeypatch.setattr(fgf_warp.renderer, "render", render)
+    return seeds

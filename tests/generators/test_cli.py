@@ -1,0 +1,257 @@
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+from typer.testing import CliRunner
+
+import fgf_warp.renderer
+from fgf_warp.errors import NumericalError
+from fgf_warp.output.exr import read_exr
+from fgf_warp.settings import Aov
+from generators.cli import app
+from tests.renders import made_up_render
+
+
+def fgf(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def assert_refused(outcome, message, code=2):
+    """One or two lines on stderr, after any warnings, and no traceback."""
+    assert outcome.exit_code == code, outcome.output
+    lines = [line for line in outcome.stderr.splitlines() if line.startswith("error: ")]
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert "Traceback" not in outcome.output
+
+
+@pytest.fixture
+def stage(config_path):
+    return config_path.parent / "scene.usda"
+
+
+def test_law_prints_json_in_full_precision():
+    outcome = fgf("law", "--H", "-0.5", "--S_w", "1", "--sigma_m", "2", "--t", "0.5,3", "--json")
+    assert outcome.exit_code == 0
+    found = json.loads(outcome.stdout)
+    assert list(found) == [
+        "regime",
+        "b",
+        "kappa",
+        "mean_free_path",
+        "t",
+        "transmittance",
+        "free_flight_pdf",
+        "warnings",
+    ]
+    # White noise: Tr = (1 + S_w / sigma_m)^(-sigma_m^2 t / S_w) = 1.5^(-4 t).
+    assert found["transmittance"] == pytest.approx([1.5**-2, 1.5**-12], rel=1e-14)
+
+
+def test_law_prints_a_table():
+    outcome = fgf("law", "--H", "-0.25", "--S_w", "1", "--sigma_m", "2")
+    assert outcome.exit_code == 0
+    assert "regime          pink" in outcome.stdout
+    assert len(outcome.stdout.splitlines()) == 6 + 9
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--H", "0", "--S_w", "1", "--sigma_m", "1"), "H = 0; accepted"),
+        (("--H", "-0.5", "--S_w", "-1", "--sigma_m", "1"), "S_w = -1; accepted: >= 0"),
+        (("--H", "-0.5", "--S_w", "1", "--sigma_m", "1", "--t", "1;2"), "--t 1;2: accepted"),
+        (("--H", "-0.5", "--sigma_m", "1"), "S_w or kappa"),
+        (("--H", "-0.5"), "Missing option '--sigma_m'"),
+        (("--H", "low", "--S_w", "1", "--sigma_m", "1"), "--H"),
+    ],
+)
+def test_law_refuses(arguments, message):
+    assert_refused(fgf("law", *arguments), message)
+
+
+def test_unknown_options_and_commands_are_refused():
+    assert_refused(fgf("law", "--hurst", "1"), "No such option")
+    assert_refused(fgf("lwa"), "lwa")
+
+
+def test_render_writes_what_was_asked_for(tmp_path, stage, fake_renderer):
+    outcome = fgf(
+        "render", stage, "-o", tmp_path / "a.exr", "-w", 12, "--imageHeight", 8, "--spp", 2, "--seed", 3,
+        "--png", tmp_path / "a.png", "--aov", "depth", "--aov", "variance",
+    )  # fmt: skip
+    assert outcome.exit_code == 0, outcome.output
+    channels, header = read_exr(tmp_path / "a.exr")
+    assert set(channels) == {"R", "G", "B", "A", "Z", "variance.R", "variance.G", "variance.B"}
+    assert channels["R"].shape == (8, 12)
+    assert header["settings"] == {"seed": 3, "spp": 2}
+    assert f"wrote {tmp_path / 'a.exr'}" in outcome.stdout
+    assert "samples/s" in outcome.stdout
+    assert (tmp_path / "a.png").is_file()
+
+
+def test_render_writes_every_plane_at_the_cameras_aspect(tmp_path, stage, fake_renderer):
+    assert fgf("render", stage, "-o", tmp_path / "a.exr", "--imageHeight", 10, "--spp", 1).exit_code == 0
+    channels, _ = read_exr(tmp_path / "a.exr")
+    assert channels["R"].shape == (10, 10)
+    assert len(channels) == 4 + 1 + 3 + 3 + 3 + 1
+
+
+def test_render_reports_paths_that_were_cut(tmp_path, stage, fake_renderer, monkeypatch):
+    def render(scene, settings, progress=None):
+        return replace(made_up_render(settings), truncated_count=5)
+
+    monkeypatch.setattr(fgf_warp.renderer, "render", render)
+    outcome = fgf("render", stage, "-o", tmp_path / "a.exr", "-w", 4, "--preset", "preview")
+    assert "5 paths" in outcome.stderr
+    assert "after 64 scattering events" in outcome.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("-o", "{tmp}/a.png"), "ends in .exr"),
+        (("-o", "{tmp}/missing/a.exr"), "there is no folder"),
+        (("-o", "{tmp}/scene.usda/a.exr"), "there is no folder"),
+        (("-o", "{tmp}/a.exr", "--png", "{tmp}/scene.usda/a.png"), "there is no folder"),
+        (("-o", "{tmp}/folder.exr"), "is a folder"),
+        (("-o", "{tmp}/a.exr", "--spp", "0"), "spp = 0; accepted"),
+        (("-o", "{tmp}/a.exr", "--imageWidth", "0"), "image width = 0; accepted"),
+        (("-o", "{tmp}/a.exr", "--seed", "-1"), "seed = -1; accepted"),
+        (("-o", "{tmp}/a.exr", "--device", "cuda:77"), "device = 'cuda:77'; accepted on this machine"),
+        (("-o", "{tmp}/a.exr", "--preset", "best"), "--preset best: accepted: preview, balanced, reference"),
+        (("-o", "{tmp}/a.exr", "--aov", "dept"), "--aov dept: accepted: depth"),
+    ],
+)
+def test_render_refuses_before_rendering(tmp_path, stage, fake_renderer, arguments, message):
+    (tmp_path / "folder.exr").mkdir()
+    outcome = fgf("render", stage, *(argument.format(tmp=tmp_path) for argument in arguments))
+    assert_refused(outcome, message)
+    assert fake_renderer == []
+
+
+def test_render_refuses_a_missing_stage(tmp_path):
+    assert_refused(fgf("render", tmp_path / "no.usda", "-o", tmp_path / "a.exr"), "there is no such stage")
+
+
+def test_render_of_samples_that_are_not_finite_writes_nothing(tmp_path, stage, fake_renderer, monkeypatch):
+    def render(scene, settings, progress=None):
+        raise NumericalError("3 samples are not finite")
+
+    monkeypatch.setattr(fgf_warp.renderer, "render", render)
+    outcome = fgf("render", stage, "-o", tmp_path / "a.exr", "--spp", 1, "-w", 4)
+    assert_refused(outcome, "3 samples are not finite", code=4)
+    assert not (tmp_path / "a.exr").exists()
+
+
+def test_generate_makes_a_dataset(tmp_path, config_path, fake_renderer):
+    outcome = fgf("generate", config_path, "--out", tmp_path / "data", "--set", "axes.H=[-0.3]", "--workers", 2)
+    assert outcome.exit_code == 0, outcome.output
+    assert "3 of 3 samples rendered" in outcome.stdout
+    assert str(tmp_path / "data" / "contact_sheet.png") in outcome.stdout
+    assert len(fake_renderer) == 3
+
+
+def test_generate_goes_to_the_folder_of_the_name(tmp_path, config_path, fake_renderer, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert fgf("generate", config_path).exit_code == 0
+    assert (tmp_path / "datasets" / "trial" / "index.parquet").is_file()
+
+
+def test_generate_of_a_part_says_so(tmp_path, config_path, fake_renderer, monkeypatch):
+    def render(scene, settings, progress=None):
+        raise NumericalError("3 samples are not finite")
+
+    monkeypatch.setattr(fgf_warp.renderer, "render", render)
+    outcome = fgf("generate", config_path, "--out", tmp_path / "data", "--set", "axes={}")
+    assert_refused(outcome, "sample 0: 3 samples are not finite", code=3)
+
+
+def test_generate_reports_damage(tmp_path, config_path, fake_renderer):
+    assert fgf("generate", config_path, "--out", tmp_path / "data").exit_code == 0
+    (tmp_path / "data" / "images" / "000001.exr").write_bytes(b"")
+    assert_refused(fgf("generate", config_path, "--out", tmp_path / "data"), "000001.exr", code=4)
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("axes.H=[0]", "sample 0: /medium: H = 0; accepted"),
+        ("axes.S_w=[-1]", "sample 0: /medium: S_w = -1; accepted"),
+        ("axes.g=[1]", "sample 0: /medium: g = 1; accepted"),
+        ("axes.hurst=[1]", "axes.hurst: no such parameter"),
+        ("ssp=4", "did you mean spp?"),
+        ("scene=no.usda", "there is no such stage"),
+        ("medium=/no", "no medium '/no'"),
+    ],
+)
+@pytest.mark.parametrize("command", ["generate", "plan"])
+def test_bad_configs_are_refused_before_anything_is_written(
+    tmp_path, config_path, fake_renderer, monkeypatch, command, override, message
+):
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    assert_refused(fgf(command, config_path, "--set", override), message)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_generate_refuses_folders_that_cannot_be(tmp_path, config_path, fake_renderer):
+    assert_refused(fgf("generate", config_path, "--out", config_path / "data"), "Not a directory")
+    assert_refused(fgf("generate", config_path, "--out", tmp_path), "holds no dataset")
+    assert fgf("generate", config_path, "--out", tmp_path / "data").exit_code == 0
+    assert_refused(fgf("generate", config_path, "--out", tmp_path / "data", "--set", "spp=9"), "another plan")
+
+
+def test_plan_shows_the_samples(config_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "120")
+    outcome = fgf("plan", config_path, "--set", "axes.g={linspace: [-0.5, 0.5, 15]}")
+    assert outcome.exit_code == 0
+    assert "30 samples, the first 20 shown" in outcome.stdout
+    assert outcome.stdout.count("white") == 15
+    assert outcome.stdout.count("pink") == 5
+    # 30 samples of 12 x 8 pixels of 7 float32 channels and 3 bytes.
+    assert "0.0893 MB" in outcome.stdout
+
+
+def test_validate_tells_what_is_there(config_path, stage):
+    outcome = fgf("validate", stage)
+    assert outcome.exit_code == 0
+    assert "/camera" in outcome.stdout
+    assert "/medium: H = -0.5" in outcome.stdout
+    assert "/sphere: sphere, filled with /medium" in outcome.stdout
+    assert "/sky: DomeLight" in outcome.stdout
+    assert "6 samples" in fgf("validate", config_path).stdout
+    assert_refused(fgf("validate", stage.parent / "no.usda"), "there is no such stage")
+    assert_refused(fgf("validate", stage.parent / "no.yaml"), "cannot be read")
+
+
+@pytest.mark.parametrize("command", ["render", "generate", "plan", "validate", "law"])
+def test_help_of_every_command_has_an_example(command):
+    outcome = fgf(command, "--help")
+    assert outcome.exit_code == 0
+    assert f"fgf {command} " in outcome.stdout.split("Example:")[1]
+
+
+def test_bare_command_shows_where_to_start():
+    outcome = fgf()
+    assert outcome.exit_code == 0
+    assert "fgf generate configs/quickstart.yaml" in outcome.stdout
+
+
+def test_help_imports_nothing_slow():
+    """Rather than a time, what takes it."""
+    code = (
+        "import sys, generators.cli; "
+        "slow = {'warp', 'pxr', 'colour', 'OpenImageIO', 'pyarrow', 'pydantic', 'ruamel', 'scipy', 'numpy'};"
+        "print(sorted(slow & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_every_aov_has_channels(tmp_path, stage, fake_renderer):
+    for aov in Aov:
+        outcome = fgf("render", stage, "-o", tmp_path / f"{aov}.exr", "--aov", aov, "-w", 2, "--spp", 1)
+        assert outcome.exit_code == 0, outcome.output

@@ -1,0 +1,36 @@
+"""The shipped config, through USD and the renderer."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from fgf_warp.output.exr import read_exr
+from generators.cli import app
+from generators.config import load_config
+from generators.plan import build_plan
+from generators.stage import load_scene
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.rglob("*.yaml")), ids=lambda path: path.stem)
+def test_shipped_configs_can_be_planned(path):
+    loaded = load_config(path)
+    config = loaded.config
+    base = load_scene(loaded.scene_path, camera=config.camera, frame=config.frame, width=config.image.width)
+    plan = build_plan(config, base.scene, base.width, base.height)
+    assert len(plan.samples) > 1
+
+
+def test_a_part_of_quickstart_is_the_same_for_one_worker_and_two(tmp_path):
+    small = ["--set", "image={width: 24, height: 18}", "--set", "spp=4", "--set", "axes={H: [-0.5, -0.1], g: [0.7]}"]
+    for workers in (1, 2):
+        arguments = [str(CONFIGS / "quickstart.yaml"), *small, "--out", str(tmp_path / str(workers))]
+        outcome = CliRunner().invoke(app, ["generate", *arguments, "--workers", str(workers)])
+        assert outcome.exit_code == 0, outcome.output
+    for name in ("images/000000.exr", "images/000001.exr", "images/000000.png", "contact_sheet.png"):
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+    channels, header = read_exr(tmp_path / "1" / "images" / "000001.exr")
+    assert channels["R"].max() > 0
+    assert [medium["H"] for medium in header["media"]].count(-0.1) == 1

@@ -1,0 +1,30 @@
+"""Renders made without rendering, for tests of what becomes of them."""
+
+import numpy as np
+
+from fgf_warp.result import RenderResult
+from fgf_warp.settings import Aov, RenderSettings
+
+
+def made_up_render(settings: RenderSettings, **provenance) -> RenderResult:
+    """A picture that follows from the seed alone, with every plane that the settings ask for."""
+    rng = np.random.default_rng(settings.seed)
+    shape = (settings.height, settings.width)
+
+    def plane(*channels: int) -> np.ndarray:
+        return rng.random((*shape, *channels), dtype=np.float32)
+
+    planes = {Aov.DEPTH: plane() * 10, Aov.TRANSMITTANCE: plane(3), Aov.ALBEDO: plane(3)}
+    planes[Aov.DEPTH][0, 0] = np.inf
+    return RenderResult(
+        radiance=plane(3),
+        alpha=plane(),
+        variance=plane(3) * 1e-4,
+        aovs={aov: values for aov, values in planes.items() if aov in settings.aovs},
+        samples=settings.spp,
+        path_count=settings.spp * settings.width * settings.height,
+        truncated_count=0,
+        seconds=0.25,
+        settings=settings,
+        provenance={"settings": {"seed": settings.seed, "spp": settings.spp}, **provenance},
+    )
