@@ -95,6 +95,30 @@ def read_color(
     return r, g, b
 
 
+def read_array(attribute: Usd.Attribute, time: Usd.TimeCode, dtype: type, width: int = 1) -> np.ndarray:
+    """An array of numbers, empty where the attribute has no value.
+
+    Args:
+        attribute: of the prim's schema.
+        time: where it is sampled.
+        dtype: of the result.
+        width: numbers in each entry.
+
+    Returns:
+        (n,) for `width` 1, else (n, width).
+
+    Raises:
+        SceneError: for a value that is no such array.
+    """
+    value = attribute.Get(time)
+    try:
+        array: np.ndarray = np.array([] if value is None else value, dtype=dtype)
+        return array.reshape(-1, width) if width > 1 else array.reshape(len(array))
+    except (TypeError, ValueError):
+        kind = "numbers" if width == 1 else f"entries of {width} numbers"
+        raise SceneError(f"{attribute.GetPath()} is no array; accepted: an array of {kind}") from None
+
+
 def read_token(attribute: Usd.Attribute, time: Usd.TimeCode, accepted: tuple[str, ...]) -> str | None:
     """One of the `accepted` words, or None where the attribute has no value.
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Tf, Usd, UsdGeom
 
+from fgf_warp.errors import SceneError
 from usd_scenes.reader.notes import Notes
 
 
@@ -31,8 +32,18 @@ class StageContext:
         object.__setattr__(self, "_transforms", UsdGeom.XformCache(self.time))
 
     def local_to_world(self, prim: Usd.Prim) -> np.ndarray:
-        """(4, 4) float64 that acts on column vectors; USD's own matrices act on row vectors."""
-        return np.array(self._transforms.GetLocalToWorldTransform(prim)).T
+        """(4, 4) float64 that acts on column vectors; USD's own matrices act on row vectors.
+
+        Raises:
+            SceneError: for a transform that is not finite or that USD cannot make sense of.
+        """
+        try:
+            matrix = np.array(self._transforms.GetLocalToWorldTransform(prim)).T
+        except Tf.ErrorException as error:
+            raise SceneError(f"{prim.GetPath()}.xformOpOrder: {error.args[0].commentary.strip()}") from None
+        if not np.isfinite(matrix).all():
+            raise SceneError(f"{prim.GetPath()}: the world transform holds numbers that are not finite")
+        return matrix
 
     @property
     def up_axis(self) -> str:

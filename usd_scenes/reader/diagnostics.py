@@ -14,6 +14,8 @@ from usd_scenes.reader.notes import Notes
 
 STAGE_ADDRESS = re.compile(r"\s*\([^()]* on stage @.*$", re.DOTALL)
 """USD ends warnings with the stage's address in memory, which differs from run to run."""
+PARSER_RULE = re.compile(r"parse error matching .* at (?=')")
+"""USD may name the C++ type of the grammar rule that failed."""
 CYCLES = (Pcp.ErrorType_ArcCycle, Pcp.ErrorType_SublayerCycle)
 
 
@@ -87,7 +89,7 @@ def _named(source: str, text: str) -> str:
 
 
 def _first_line(text: str) -> str:
-    return text.strip().splitlines()[0]
+    return PARSER_RULE.sub("syntax error at ", text.strip().splitlines()[0])
 
 
 def _on_one_line(text: str) -> str:

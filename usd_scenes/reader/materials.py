@@ -9,7 +9,7 @@ from pxr import Usd, UsdGeom, UsdShade
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import Medium, Rgb, Surface
-from usd_scenes.reader.attributes import is_authored, plain_source, read_color
+from usd_scenes.reader.attributes import is_authored, plain_source, read_array, read_color
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.medium import ends_in_surface, has_medium, read_medium
 
@@ -103,21 +103,20 @@ class MaterialReader:
         shader = _surface_shader(material)
         if material.ComputeVolumeSource()[0]:
             context.notes.add("volume shader is not supported", prim.GetPath())
-        if not has_medium(prim, context):
-            if not shader:
-                context.notes.add("material without a surface: the display color is used", prim.GetPath())
-            return _Reading(medium=None, is_open=False, surface=self._preview_surface(shader))
-        self._media.append(read_medium(prim, context))
-        index = len(self._media) - 1
-        if ends_in_surface(prim, context):
-            return _Reading(medium=index, is_open=False, surface=self._preview_surface(shader))
-        if shader:
-            context.notes.add("fgf:boundary = none: the material's surface is not used", prim.GetPath())
-        return _Reading(medium=index, is_open=True, surface=None)
-
-    def _preview_surface(self, shader: UsdShade.Shader | None) -> Surface | None:
+        index = None
+        if has_medium(prim, context):
+            self._media.append(read_medium(prim, context))
+            index = len(self._media) - 1
+            if not ends_in_surface(prim, context):
+                if shader:
+                    context.notes.add("fgf:boundary = none: the material's surface is not used", prim.GetPath())
+                return _Reading(medium=index, is_open=True, surface=None)
         if not shader:
-            return None
+            context.notes.add("material without a surface: the display color is used", prim.GetPath())
+            return _Reading(medium=index, is_open=False, surface=None)
+        return _Reading(medium=index, is_open=False, surface=self._preview_surface(shader))
+
+    def _preview_surface(self, shader: UsdShade.Shader) -> Surface | None:
         if shader.GetIdAttr().Get() != "UsdPreviewSurface":
             self._context.notes.add("shader is no UsdPreviewSurface: the display color is used", shader.GetPath())
             return None
@@ -145,19 +144,21 @@ class MaterialReader:
                 continue
             source = plain_source(shader_input.GetAttr())
             value = source.Get(self._context.time) if source else None
-            if value is None or not np.allclose(np.asarray(value, dtype=np.float64), harmless):
+            if not _agree(value, harmless):
                 text = "only diffuseColor and emissiveColor of UsdPreviewSurface are rendered"
                 self._context.notes.add(text, shader_input.GetAttr().GetPath())
 
     def _display_surface(self, prim: Usd.Prim) -> Surface:
         primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
-        colors = primvar.ComputeFlattened(self._context.time) if primvar and primvar.HasValue() else None
-        if not colors:
+        if not primvar:
             return Surface()
         path = primvar.GetAttr().GetPath()
+        colors = read_array(primvar.GetAttr(), self._context.time, np.float32, width=3)
+        if not len(colors):
+            return Surface()
         if len(colors) > 1:
             self._context.notes.add("varying display color is not supported: its first value is used", path)
-        r, g, b = (float(str(channel)) for channel in np.asarray(colors[0], dtype=np.float32))
+        r, g, b = (float(str(channel)) for channel in colors[0])
         return _checked_surface((r, g, b), PREVIEW_EMISSIVE, str(path), "")
 
 
@@ -173,6 +174,13 @@ def _checked_surface(diffuse: Rgb, emission: Rgb, diffuse_path: str, emission_pa
         for start, path in (("surface: diffuse", diffuse_path), ("surface: emission", emission_path)):
             text = text.replace(start, path)
         raise SceneError(text) from error
+
+
+def _agree(value: object, number: float | Rgb) -> bool:
+    try:
+        return bool(np.allclose(np.asarray(value, dtype=np.float64), number))
+    except (TypeError, ValueError):
+        return False
 
 
 def _in_words(color: Rgb) -> str:

@@ -69,7 +69,7 @@ def _read_field(field: str, attribute: Usd.Attribute, time: Usd.TimeCode) -> obj
     if field == "transport":
         return read_token(attribute, time, cast(tuple[str, ...], TRANSPORTS))
     if field == "priority":
-        return int(read_number(attribute, time))
+        return int(read_number(attribute, time, accepted="an integer", holds=float.is_integer))
     return read_number(attribute, time)
 
 

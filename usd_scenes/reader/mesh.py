@@ -7,6 +7,7 @@ from pxr import Usd, UsdGeom, UsdShade
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import Mesh
+from usd_scenes.reader.attributes import read_array
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.materials import Look
 from usd_scenes.reader.triangulation import signed_volume, triangulate
@@ -20,7 +21,7 @@ def read_mesh(prim: Usd.Prim, context: StageContext, look: Look) -> Mesh | None:
             that is not closed.
     """
     mesh, notes, path = UsdGeom.Mesh(prim), context.notes, prim.GetPath()
-    points = _array(mesh.GetPointsAttr(), context, np.float64).reshape(-1, 3)
+    points = read_array(mesh.GetPointsAttr(), context.time, np.float64, width=3)
     counts, indices = _topology(mesh, context, len(points))
     if not counts.size:
         notes.add("mesh without faces is left out", path)
@@ -50,8 +51,8 @@ def read_mesh(prim: Usd.Prim, context: StageContext, look: Look) -> Mesh | None:
 def _topology(mesh: UsdGeom.Mesh, context: StageContext, n_points: int) -> tuple[np.ndarray, np.ndarray]:
     """Corner counts and corners of the faces that are not holes, checked."""
     counts_attribute, indices_attribute = mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()
-    counts = _array(counts_attribute, context, np.int64)
-    indices = _array(indices_attribute, context, np.int64)
+    counts = read_array(counts_attribute, context.time, np.int64)
+    indices = read_array(indices_attribute, context.time, np.int64)
     if (counts < 0).any() or counts.sum() != len(indices):
         raise SceneError(
             f"{counts_attribute.GetPath()} adds up to {counts.sum()}; accepted: counts >= 0 that add up to the "
@@ -68,9 +69,11 @@ def _topology(mesh: UsdGeom.Mesh, context: StageContext, n_points: int) -> tuple
 def _without_holes(
     mesh: UsdGeom.Mesh, context: StageContext, counts: np.ndarray, indices: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    holes = _array(mesh.GetHoleIndicesAttr(), context, np.int64)
+    holes = read_array(mesh.GetHoleIndicesAttr(), context.time, np.int64)
     if len(holes) and not (holes.min() >= 0 and holes.max() < len(counts)):
-        raise SceneError(f"{mesh.GetHoleIndicesAttr().GetPath()} must lie in [0, {len(counts) - 1}]")
+        raise SceneError(
+            f"{mesh.GetHoleIndicesAttr().GetPath()} spans [{holes.min()}, {holes.max()}]; accepted: [0, {len(counts) - 1}]"
+        )
     kept = counts >= 3
     kept[holes] = False
     return counts[kept], indices[np.repeat(kept, counts)]
@@ -78,8 +81,3 @@ def _without_holes(
 
 def _is_left_handed(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> bool:
     return mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded
-
-
-def _array(attribute: Usd.Attribute, context: StageContext, dtype: type) -> np.ndarray:
-    value = attribute.Get(context.time)
-    return np.array([] if value is None else value, dtype=dtype)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 from pxr import Usd, UsdGeom, UsdRender
 
 from fgf_warp.errors import SceneError
-from usd_scenes.reader.attributes import is_authored
+from usd_scenes.reader.attributes import is_authored, read_array
 from usd_scenes.reader.context import StageContext
 
 RESOLUTION_MAX = 65536
@@ -51,7 +52,10 @@ def _resolution(settings: UsdRender.Settings, time: Usd.TimeCode) -> tuple[int, 
     attribute = settings.GetResolutionAttr()
     if not is_authored(attribute):
         return None
-    width, height = attribute.Get(time)
+    size = read_array(attribute, time, np.int64)
+    if len(size) != 2:
+        raise SceneError(f"{attribute.GetPath()} holds {len(size)} numbers; accepted: two")
+    width, height = size
     if not (1 <= width <= RESOLUTION_MAX and 1 <= height <= RESOLUTION_MAX):
         raise SceneError(
             f"{attribute.GetPath()} = ({width}, {height}); accepted: two integers in [1, {RESOLUTION_MAX}]"
@@ -63,6 +67,6 @@ def _camera_path(settings: UsdRender.Settings) -> str | None:
     targets = settings.GetCameraRel().GetForwardedTargets()
     if not targets:
         return None
-    if not settings.GetPrim().GetStage().GetPrimAtPath(targets[0]).IsA(UsdGeom.Camera):
+    if not UsdGeom.Camera.Get(settings.GetPrim().GetStage(), targets[0]):
         raise SceneError(f"{settings.GetCameraRel().GetPath()} = {targets[0]}; accepted: the path of a Camera")
     return str(targets[0])

@@ -1,0 +1,43 @@
+"""Parts of stages as text."""
+
+HEADER = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Y"\n)\n'
+CAMERA = """def Camera "Camera"
+{
+    double3 xformOp:translate = (0, 0, 9)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+DOME = 'def DomeLight "Dome"\n{\n}\n'
+
+
+def medium_sphere(attributes: str, schemas: str = 'prepend apiSchemas = ["FgfMediumAPI"]', inside: str = "") -> str:
+    """A sphere whose material /Look has these attributes."""
+    return f"""
+def Sphere "Ball" (
+    prepend apiSchemas = ["MaterialBindingAPI"]
+)
+{{
+    rel material:binding = </Look>
+}}
+def Material "Look" (
+    {schemas}
+)
+{{
+    {attributes}
+    {inside}
+}}
+"""
+
+
+def preview_sphere(inputs: str) -> str:
+    """A sphere whose material /Look is a UsdPreviewSurface with these inputs."""
+    return medium_sphere(
+        "token outputs:surface.connect = </Look/Surface.outputs:surface>",
+        schemas="",
+        inside=f"""def Shader "Surface"
+    {{
+        uniform token info:id = "UsdPreviewSurface"
+        {inputs}
+        token outputs:surface
+    }}""",
+    )

@@ -1,0 +1,90 @@
+"""What is authored is what is read, in every file format, and a bad value authors nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from pxr import Usd, UsdGeom, UsdShade
+
+from fgf_warp.errors import SceneError
+from fgf_warp.scene import Medium
+from usd_scenes import schema
+from usd_scenes.authoring import author_fgf_medium
+from usd_scenes.reader import read_scene
+
+VALUES = {
+    "mean_extinction": 3.7,
+    "albedo": (0.9, 0.8, 0.7),
+    "asymmetry": -0.35,
+    "hurst": 0.3,
+    "white_noise_scale": 0.01,
+    "outer_scale": 40.0,
+    "extinction_color": (1.0, 0.5, 0.25),
+    "transport": "renewal",
+    "priority": 3,
+}
+
+
+@pytest.fixture
+def stage() -> Usd.Stage:
+    schema.register()
+    stage = Usd.Stage.CreateInMemory()
+    material = UsdShade.Material.Define(stage, "/Look")
+    ball = UsdGeom.Sphere.Define(stage, "/Ball").GetPrim()
+    UsdShade.MaterialBindingAPI.Apply(ball).Bind(material)
+    return stage
+
+
+@pytest.mark.parametrize("suffix", ["usda", "usdc", "usd"])
+def test_values_survive_each_file_format(stage: Usd.Stage, tmp_path: Path, suffix: str) -> None:
+    author_fgf_medium(stage.GetPrimAtPath("/Look"), **VALUES)
+    path = tmp_path / f"stage.{suffix}"
+    stage.Export(str(path))
+    (medium,) = read_scene(path).scene.media
+    assert medium == Medium(name="/Look", **VALUES)
+
+
+def test_kappa_replaces_the_white_noise_scale(stage: Usd.Stage, tmp_path: Path) -> None:
+    author_fgf_medium(UsdShade.Material.Get(stage, "/Look"), mean_extinction=1, kappa=0.625)
+    stage.Export(str(tmp_path / "stage.usda"))
+    (medium,) = read_scene(tmp_path / "stage.usda").scene.media
+    assert medium.line_law.kappa == 0.625
+
+
+def test_every_value_but_none_is_authored(stage: Usd.Stage) -> None:
+    prim = stage.GetPrimAtPath("/Look")
+    author_fgf_medium(prim, mean_extinction=2)
+    authored = {name for name in schema.MEDIUM_ATTRIBUTES.values() if prim.GetAttribute(name).HasAuthoredValue()}
+    left = {"inputs:fgf:outerScale", "inputs:fgf:kappa", "fgf:transport"}
+    assert authored == set(schema.MEDIUM_ATTRIBUTES.values()) - left
+    assert prim.GetAttribute("fgf:boundary").HasAuthoredValue()
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ({"asymmetry": 1.0}, r"/Look: g = 1; accepted: in \(-1, 1\)"),
+        ({"hurst": 0.0}, "/Look: H = 0; accepted: at least 0.01 away from 0"),
+        ({"boundary": "glass"}, "/Look: boundary = 'glass'; accepted: none, surface"),
+    ],
+)
+def test_a_bad_value_authors_nothing(stage: Usd.Stage, bad: dict, message: str) -> None:
+    before = stage.GetRootLayer().ExportToString()
+    with pytest.raises(SceneError, match=message):
+        author_fgf_medium(stage.GetPrimAtPath("/Look"), **{"mean_extinction": 1.0, **bad})
+    assert stage.GetRootLayer().ExportToString() == before
+
+
+def test_a_prim_that_is_no_material_is_refused(stage: Usd.Stage) -> None:
+    with pytest.raises(SceneError, match="/Ball: FgfMediumAPI applies to a Material, and this is a Sphere"):
+        author_fgf_medium(stage.GetPrimAtPath("/Ball"), mean_extinction=1)
+
+
+def test_reauthoring_replaces_the_values(stage: Usd.Stage, tmp_path: Path) -> None:
+    author_fgf_medium(stage.GetPrimAtPath("/Look"), **VALUES)
+    author_fgf_medium(stage.GetPrimAtPath("/Look"), **{**VALUES, "asymmetry": 0.5})
+    stage.Export(str(tmp_path / "stage.usdc"))
+    (medium,) = read_scene(tmp_path / "stage.usdc").scene.media
+    assert medium == replace(Medium(name="/Look", **VALUES), asymmetry=0.5)

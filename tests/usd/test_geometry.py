@@ -1,0 +1,229 @@
+"""Shapes stand in the world as USD puts them there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom
+
+from fgf_warp.errors import SceneError
+from usd_scenes.reader import read_stage
+from usd_scenes.reader.bounds import shape_bounds
+from usd_scenes.reader.triangulation import signed_volume, triangulate
+
+MIRROR = """double3 xformOp:translate = (5, 0, 0)
+    float3 xformOp:scale = (-2, 1, 1)
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]"""
+TETRAHEDRON = """point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    int[] faceVertexCounts = [3, 3, 3, 3]
+    int[] faceVertexIndices = [0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3]
+    uniform token subdivisionScheme = "none"
+"""
+MEDIUM = """def Material "Look" (
+    prepend apiSchemas = ["FgfMediumAPI"]
+)
+{
+}
+"""
+
+
+def bound(kind: str, body: str) -> str:
+    """A prim /Shape bound to a medium."""
+    return f"""def {kind} "Shape" (
+    prepend apiSchemas = ["MaterialBindingAPI"]
+)
+{{
+    rel material:binding = </Look>
+    {body}
+}}
+{MEDIUM}"""
+
+
+def test_world_transforms_are_those_of_usd() -> None:
+    rng = np.random.default_rng(3)
+    stage = Usd.Stage.CreateInMemory()
+    for depth, path in enumerate(["/A", "/A/B", "/A/B/C"]):
+        xform = UsdGeom.Xform.Define(stage, path)
+        xform.AddTranslateOp().Set(tuple(rng.normal(size=3)))
+        xform.AddRotateZYXOp().Set(tuple(rng.uniform(-180, 180, size=3)))
+        xform.AddScaleOp().Set(tuple(rng.uniform(0.5, 2, size=3) * (-1) ** depth))
+        UsdGeom.Cube.Define(stage, f"{path}/Cube").AddRotateXOp(UsdGeom.XformOp.PrecisionDouble).Set(30.0 * depth)
+    solids = {shape.name: shape for shape in read_stage(stage).scene.shapes}
+    cache = UsdGeom.XformCache()
+    assert len(solids) == 3
+    for path, solid in solids.items():
+        expected = np.array(cache.GetLocalToWorldTransform(stage.GetPrimAtPath(path))).T
+        np.testing.assert_allclose(solid.object_to_world, expected, atol=1e-12)  # size 2 is the canonical cube
+
+
+@pytest.mark.parametrize(
+    ("prim", "kind", "half_sides"),
+    [
+        ('def Sphere "S"\n{\n double radius = 3\n}', "sphere", (3, 3, 3)),
+        ('def Sphere "S"\n{\n}', "sphere", (1, 1, 1)),
+        ('def Cube "S"\n{\n double size = 5\n}', "cube", (2.5, 2.5, 2.5)),
+        ('def Cylinder "S"\n{\n double radius = 3\n double height = 10\n}', "cylinder", (3, 3, 5)),
+        (
+            'def Cylinder "S"\n{\n double radius = 3\n double height = 10\n uniform token axis = "X"\n}',
+            "cylinder",
+            (5, 3, 3),
+        ),
+        (
+            'def Cylinder "S"\n{\n double radius = 3\n double height = 10\n uniform token axis = "Y"\n}',
+            "cylinder",
+            (3, 5, 3),
+        ),
+        (
+            'def Cylinder_1 "S"\n{\n double radiusTop = 3\n double radiusBottom = 3\n double height = 10\n'
+            ' uniform token axis = "Y"\n}',
+            "cylinder",
+            (3, 5, 3),
+        ),
+    ],
+)
+def test_solids_have_their_size_and_axis(read, prim: str, kind: str, half_sides: tuple) -> None:
+    (solid,) = read(prim).scene.shapes
+    low, high = shape_bounds(solid)
+    assert solid.kind == kind
+    np.testing.assert_allclose(high, half_sides)
+    np.testing.assert_allclose(low, -np.array(half_sides))
+    assert np.linalg.det(solid.object_to_world[:3, :3]) > 0
+
+
+@pytest.mark.parametrize(("axis", "column"), [("X", 0), ("Y", 1), ("Z", 2)])
+def test_the_canonical_cylinders_axis_becomes_the_named_one(read, axis: str, column: int) -> None:
+    (solid,) = read(f'def Cylinder "S"\n{{\n double height = 6\n uniform token axis = "{axis}"\n}}').scene.shapes
+    np.testing.assert_allclose(solid.object_to_world[:3, 2], 3 * np.eye(3)[column])
+
+
+@pytest.mark.parametrize("attribute", ["radius", "height"])
+@pytest.mark.parametrize("value", ["0", "-1", "inf", "nan"])
+def test_lengths_must_be_positive(read, attribute: str, value: str) -> None:
+    with pytest.raises(SceneError, match=rf"stage.usda: /S.{attribute} = .*; accepted: > 0"):
+        read(f'def Cylinder "S"\n{{\n double {attribute} = {value}\n}}')
+
+
+def test_what_is_not_rendered_is_named(read) -> None:
+    reading = read('def Cone "A"\n{\n}\ndef Cone "B"\n{\n}\ndef Points "P"\n{\n}\ndef Nonsense "N"\n{\n}')
+    assert reading.scene.shapes == ()
+    assert "Cone is not supported and is left out: /A, /B" in reading.warnings
+    assert "Points is not supported and is left out: /P" in reading.warnings
+    assert "Nonsense is not supported and is left out: /N" in reading.warnings
+
+
+def test_long_lists_are_cut_and_counted(read) -> None:
+    reading = read("".join(f'def Cone "C{i}"\n{{\n}}\n' for i in range(8)))
+    assert "Cone is not supported and is left out: /C0, /C1, /C2, /C3, /C4 and 3 more" in reading.warnings
+
+
+def test_a_flat_solid_is_left_out_and_named(read) -> None:
+    reading = read(
+        'def Cube "C"\n{\n float3 xformOp:scale = (1, 0, 1)\n uniform token[] xformOpOrder = ["xformOp:scale"]\n}'
+    )
+    assert reading.scene.shapes == ()
+    assert any(text.endswith("left out: /C") for text in reading.warnings)
+
+
+def test_unequal_radii_are_named(read) -> None:
+    reading = read('def Cylinder_1 "C"\n{\n double radiusTop = 2\n}')
+    assert reading.scene.shapes == ()
+    assert any("unequal radii" in text and "/C" in text for text in reading.warnings)
+
+
+def test_a_mesh_faces_outwards(read) -> None:
+    (mesh,) = read(bound("Mesh", TETRAHEDRON)).scene.shapes
+    assert signed_volume(mesh.points, mesh.triangles) == pytest.approx(1 / 6)
+    assert mesh.triangles.dtype == np.int32
+
+
+def test_a_left_handed_mesh_is_turned(read) -> None:
+    flipped = TETRAHEDRON.replace("0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3", "1, 2, 0, 3, 1, 0, 2, 3, 0, 3, 2, 1")
+    reading = read(bound("Mesh", flipped + 'uniform token orientation = "leftHanded"'))
+    (mesh,) = reading.scene.shapes
+    assert signed_volume(mesh.points, mesh.triangles) == pytest.approx(1 / 6)
+    assert reading.warnings == ()
+
+
+def test_a_mirrored_mesh_still_faces_outwards(read) -> None:
+    reading = read(bound("Mesh", TETRAHEDRON + MIRROR))
+    (mesh,) = reading.scene.shapes
+    assert signed_volume(mesh.points, mesh.triangles) == pytest.approx(2 / 6)
+    assert mesh.points[1] == pytest.approx([3, 0, 0])
+    assert reading.warnings == ()
+
+
+def test_a_medium_turned_inside_out_is_mended_with_a_warning(read) -> None:
+    reading = read(bound("Mesh", TETRAHEDRON + 'uniform token orientation = "leftHanded"'))
+    (mesh,) = reading.scene.shapes
+    assert signed_volume(mesh.points, mesh.triangles) == pytest.approx(1 / 6)
+    assert "the mesh of a medium is inside out, and was turned: /Shape" in reading.warnings
+
+
+def test_a_medium_in_an_open_mesh_is_refused(read) -> None:
+    with pytest.raises(SceneError, match=r"stage.usda: /Shape: a medium needs a closed mesh.* 3 open"):
+        read(bound("Mesh", TETRAHEDRON + "int[] holeIndices = [3]"))
+
+
+def test_holes_are_left_out(read) -> None:
+    (mesh,) = read(f'def Mesh "M"\n{{\n {TETRAHEDRON} int[] holeIndices = [0, 2]\n}}').scene.shapes
+    assert sorted(map(sorted, mesh.triangles.tolist())) == [[0, 1, 3], [1, 2, 3]]
+
+
+def test_subdivision_is_named_once_for_all_meshes(read) -> None:
+    cage = TETRAHEDRON.replace('uniform token subdivisionScheme = "none"', "")
+    reading = read(f'def Mesh "A"\n{{\n {cage}\n}}\ndef Mesh "B"\n{{\n {cage}\n}}')
+    assert reading.warnings == ("subdivision is not supported: the control cage is rendered: /A, /B",)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[3, 3, 3, 3]", "[3, 3, 3]", r"/Shape.faceVertexCounts adds up to 9; accepted: .*12"),
+        ("1, 2, 3]", "1, 2, 4]", r"/Shape.faceVertexIndices spans \[0, 4\]; accepted: \[0, 3\]"),
+        ("1, 2, 3]", "1, 2, -1]", r"/Shape.faceVertexIndices spans \[-1, 3\]; accepted: \[0, 3\]"),
+        ("(0, 0, 1)]", "(0, 0, nan)]", "/Shape: points must be a finite"),
+    ],
+)
+def test_a_broken_mesh_is_refused(read, old: str, new: str, message: str) -> None:
+    assert old in TETRAHEDRON
+    with pytest.raises(SceneError, match=message):
+        read(bound("Mesh", TETRAHEDRON.replace(old, new)))
+
+
+def test_a_mesh_without_faces_is_named(read) -> None:
+    assert "mesh without faces is left out: /M" in read('def Mesh "M"\n{\n}').warnings
+
+
+def polygon_area(points: np.ndarray, triangles: np.ndarray) -> tuple[float, float]:
+    """Sum of the signed areas seen along z, and of the absolute ones."""
+    a, b, c = (points[triangles[:, corner]] for corner in range(3))
+    signed = np.cross(b - a, c - a)[:, 2] / 2
+    return float(signed.sum()), float(np.abs(signed).sum())
+
+
+@pytest.mark.parametrize(
+    ("outline", "area"),
+    [
+        ([(0, 0), (4, 0), (4, 4), (0, 4)], 16.0),  # convex
+        ([(1, 1), (0, 4), (0, 0), (4, 0)], 4.0),  # a concave quad, concave at its first corner
+        ([(0, 4), (0, 0), (4, 0), (1, 1)], 4.0),  # the same, concave at its last
+        ([(0, 0), (6, 0), (6, 4), (4, 4), (4, 1), (2, 1), (2, 4), (0, 4)], 18.0),  # a U, which no fan covers
+    ],
+)
+@pytest.mark.parametrize("turned", [False, True])
+def test_triangles_cover_a_polygon_once(outline: list, area: float, turned: bool) -> None:
+    points = np.column_stack([np.array(outline, dtype=float), np.zeros(len(outline))])
+    order = np.arange(len(outline))[:: -1 if turned else 1]
+    triangles = triangulate(points, np.array([len(outline)]), order)
+    signed, absolute = polygon_area(points, triangles)
+    assert len(triangles) == len(outline) - 2
+    assert signed == pytest.approx(-area if turned else area)
+    assert absolute == pytest.approx(area)
+
+
+def test_faces_of_mixed_size_are_all_kept() -> None:
+    points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (2, 0, 0), (2, 1, 0), (3, 0.5, 0)], dtype=float)
+    counts, indices = np.array([4, 3, 2, 5]), np.array([0, 1, 2, 3, 1, 4, 5, 0, 1, 1, 4, 6, 5, 2])
+    triangles = triangulate(points, counts, indices)
+    assert len(triangles) == 2 + 1 + 3
+    assert polygon_area(points, triangles)[1] == pytest.approx(1 + 0.5 + 1.5)

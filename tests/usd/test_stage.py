@@ -1,0 +1,454 @@
+"""Cameras, settings, traversal, and what a stage that cannot be read says."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Gf, Usd, UsdGeom
+
+from fgf_warp.errors import FgfError, SceneError, UnsupportedFeatureError
+from fgf_warp.scene import count_open_edges
+from tests.usd.prims import CAMERA, HEADER
+from usd_scenes.library import STAGES, stage_names, stage_path, trefoil_tube
+from usd_scenes.reader import read_scene, read_stage
+from usd_scenes.reader.bounds import scene_bounds, shape_bounds
+from usd_scenes.reader.triangulation import signed_volume, triangulate
+
+ASSETS = Path(__file__).parents[3] / "shared" / "usd_assets"
+SUFFIXES = {".usd", ".usda", ".usdc", ".usdz"}
+ASSET_FILES = sorted(path for path in ASSETS.rglob("*") if path.suffix in SUFFIXES) if ASSETS.is_dir() else []
+
+
+# Cameras
+
+
+def test_the_cameras_window_is_that_of_usd(read) -> None:
+    prim = """def Camera "Film"
+{
+    float focalLength = 35
+    float horizontalAperture = 30
+    float verticalAperture = 20
+    float horizontalApertureOffset = 3
+    float verticalApertureOffset = -2
+}
+"""
+    camera = read(prim, camera="").scene.camera
+    gf = Gf.Camera(
+        focalLength=35,
+        horizontalAperture=30,
+        verticalAperture=20,
+        horizontalApertureOffset=3,
+        verticalApertureOffset=-2,
+    )
+    window = gf.frustum.window
+    expected = (window.GetMin()[0], window.GetMax()[0], window.GetMin()[1], window.GetMax()[1])
+    np.testing.assert_allclose(camera.window(300, 200), expected, rtol=1e-6)
+
+
+def test_the_cameras_transform_is_the_prims(read) -> None:
+    prim = (
+        'def Xform "Rig"\n{\n float xformOp:rotateY = 90\n uniform token[] xformOpOrder = ["xformOp:rotateY"]\n'
+        + CAMERA
+        + "}"
+    )
+    camera = read(prim, camera="").scene.camera
+    assert camera.name == "/Rig/Camera"
+    np.testing.assert_allclose(camera.position, [9, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(camera.camera_to_world[:3, :3] @ [0, 0, -1], [-1, 0, 0], atol=1e-12)
+
+
+TWO_CAMERAS = (
+    'def Camera "A"\n{\n}\ndef Xform "X"\n{\n def Camera "B"\n {\n }\n}\ndef Xform "Y"\n{\n def Camera "B"\n {\n }\n}\n'
+)
+
+
+@pytest.mark.parametrize(("asked", "path"), [("A", "/A"), ("/A", "/A"), ("/Y/B", "/Y/B")])
+def test_a_camera_is_chosen_by_path_or_unique_name(read, asked: str, path: str) -> None:
+    assert read(TWO_CAMERAS, chosen=asked).scene.camera.name == path
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ("C", "camera 'C' is not a camera of the stage; it has: /Camera, /A, /X/B, /Y/B"),
+        ("B", "camera 'B' is the name of several cameras; it has: /Camera, /A, /X/B, /Y/B"),
+    ],
+)
+def test_a_camera_that_is_not_there_is_refused_with_a_list(read, asked: str, message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        read(TWO_CAMERAS, chosen=asked)
+
+
+def test_of_several_cameras_the_first_is_used_with_a_warning(read) -> None:
+    reading = read(TWO_CAMERAS)
+    assert reading.scene.camera.name == "/Camera"
+    assert "4 cameras and none asked for: the first is used: /Camera" in reading.warnings
+
+
+SETTINGS = 'def RenderSettings "Settings"\n{\n rel camera = </Y/B>\n uniform int2 resolution = (64, 48)\n}\n'
+
+
+def test_render_settings_give_resolution_and_camera(read) -> None:
+    reading = read(TWO_CAMERAS + SETTINGS)
+    assert (reading.resolution, reading.scene.camera.name) == ((64, 48), "/Y/B")
+    assert read(TWO_CAMERAS + SETTINGS, chosen="A").scene.camera.name == "/A"
+
+
+def test_the_metadata_choose_among_render_settings(read) -> None:
+    header = HEADER.replace("(\n", '(\n    renderSettingsPrimPath = "/Chosen"\n', 1)
+    other = SETTINGS.replace('Settings"', 'Chosen"').replace("(64, 48)", "(12, 8)")
+    assert read(TWO_CAMERAS + SETTINGS + other, header=header).resolution == (12, 8)
+
+
+def test_without_render_settings_there_is_no_resolution(read) -> None:
+    assert read("").resolution is None
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (SETTINGS.replace("64", "0"), r"/Settings.resolution = \(0, 48\); accepted: two integers in \[1, 65536\]"),
+        (SETTINGS.replace("/Y/B", "/Gone"), "/Settings.camera = /Gone; accepted: the path of a Camera"),
+    ],
+)
+def test_bad_render_settings_are_refused(read, settings: str, message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        read(TWO_CAMERAS + settings)
+
+
+@pytest.mark.parametrize(("up", "above", "front"), [("Y", 1, 2), ("Z", 2, 1)])
+def test_the_default_view_holds_everything_from_the_front(read, up: str, above: int, front: int) -> None:
+    prims = """def Cube "C"
+{
+    double3 xformOp:translate = (5, 6, 7)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+    reading = read(prims, camera="", header=HEADER.replace('"Y"', f'"{up}"'))
+    camera = reading.scene.camera
+    assert "no camera: the view is from the front and holds everything" in reading.warnings
+    corners = np.array(np.meshgrid(*zip(*scene_bounds(reading.scene.shapes), strict=True))).reshape(3, -1).T
+    seen = (corners - camera.position) @ camera.camera_to_world[:3, :3]
+    left, right, bottom, top = camera.window(400, 300)
+    x, y = seen[:, 0] / -seen[:, 2], seen[:, 1] / -seen[:, 2]
+    assert (seen[:, 2] < 0).all()
+    assert left < x.min() and x.max() < right and bottom < y.min() and y.max() < top
+    assert camera.position[above] > [5, 6, 7][above]
+    assert (camera.position[front] - [5, 6, 7][front]) * (1 if up == "Y" else -1) > 0
+    assert camera.camera_to_world[above, 1] > 0.9
+
+
+def test_an_orthographic_camera_is_not_supported(read) -> None:
+    with pytest.raises(
+        UnsupportedFeatureError, match=r"stage.usda: /O.projection = orthographic; accepted: perspective"
+    ):
+        read('def Camera "O"\n{\n token projection = "orthographic"\n}', camera="")
+
+
+def test_a_lens_without_length_is_refused(read) -> None:
+    with pytest.raises(SceneError, match=r"stage.usda: /O.focalLength = 0; accepted: > 0"):
+        read('def Camera "O"\n{\n float focalLength = 0\n}', camera="")
+
+
+def test_what_the_pinhole_ignores_is_named(read) -> None:
+    reading = read('def Camera "O"\n{\n float fStop = 2\n float2 clippingRange = (1, 100)\n}', camera="")
+    assert reading.warnings == (
+        "the camera is a pinhole without clipping and makes no use of clippingRange, fStop: /O",
+    )
+
+
+# Traversal
+
+
+def names(reading) -> list[str]:
+    return [shape.name for shape in reading.scene.shapes]
+
+
+def test_invisible_and_inactive_prims_are_skipped(read) -> None:
+    prims = """def Xform "Hidden"
+{
+    token visibility = "invisible"
+    def Sphere "Inside"
+    {
+        token visibility = "inherited"
+    }
+}
+def Sphere "Off" (
+    active = false
+)
+{
+}
+over Sphere "Over"
+{
+}
+class Sphere "Class"
+{
+}
+def Sphere "On"
+{
+}
+"""
+    assert names(read(prims)) == ["/On"]
+
+
+def test_visibility_is_read_at_the_frame(read) -> None:
+    prims = 'def Sphere "S"\n{\n token visibility.timeSamples = { 1: "inherited", 5: "invisible" }\n}'
+    assert names(read(prims, frame=1)) == ["/S"]
+    assert names(read(prims, frame=5)) == []
+
+
+def test_purposes_are_filtered_and_inherited(read) -> None:
+    prims = "".join(
+        f'def Xform "{purpose}"\n{{\n uniform token purpose = "{purpose}"\n def Sphere "S"\n {{\n }}\n}}\n'
+        for purpose in ("default", "render", "proxy", "guide")
+    )
+    assert names(read(prims)) == ["/default/S", "/render/S"]
+    assert names(read(prims, purposes=("proxy",))) == ["/proxy/S"]
+    with pytest.raises(SceneError, match="purposes = beauty; accepted: default, render, proxy, guide"):
+        read(prims, purposes=("beauty",))
+
+
+INSTANCES = """class Xform "Model"
+{
+    def Sphere "Ball" (
+        prepend apiSchemas = ["MaterialBindingAPI"]
+    )
+    {
+        rel material:binding = </Model/Look>
+    }
+    def Material "Look" (
+        prepend apiSchemas = ["FgfMediumAPI"]
+    )
+    {
+        float inputs:fgf:meanExtinction = 2
+    }
+}
+def Xform "One" (
+    instanceable = true
+    references = </Model>
+)
+{
+}
+def Xform "Two" (
+    instanceable = true
+    references = </Model>
+)
+{
+    double3 xformOp:translate = (7, 0, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+
+
+def test_instances_are_read_in_their_places_and_share_a_medium(read) -> None:
+    scene = read(INSTANCES).scene
+    assert [shape.name for shape in scene.shapes] == ["/One/Ball", "/Two/Ball"]
+    assert [shape.object_to_world[0, 3] for shape in scene.shapes] == [0, 7]
+    assert [shape.medium for shape in scene.shapes] == [0, 0]
+    assert [medium.name for medium in scene.media] == ["/One/Look"]
+
+
+def test_the_prototypes_of_a_point_instancer_are_not_drawn(read) -> None:
+    reading = read('def PointInstancer "P"\n{\n def Sphere "Prototype"\n {\n }\n}')
+    assert names(reading) == []
+    assert "PointInstancer is not supported and is left out: /P" in reading.warnings
+
+
+def test_samples_are_read_at_the_start_the_earliest_or_the_frame(read) -> None:
+    prims = 'def Sphere "S"\n{\n double radius.timeSamples = { 1: 1, 3: 3, 5: 5 }\n}'
+    started = HEADER.replace("(\n", "(\n    startTimeCode = 2\n", 1)
+    readings = read(prims), read(prims, header=started), read(prims, frame=4)
+    assert [reading.scene.shapes[0].object_to_world[0, 0] for reading in readings] == [1, 2, 4]
+    with pytest.raises(SceneError, match="frame = nan; accepted: a finite number"):
+        read(prims, frame=float("nan"))
+
+
+def test_meters_per_unit_is_recorded_and_checked(read) -> None:
+    assert read("").scene.meters_per_unit == 1
+    assert read("", header="#usda 1.0\n").scene.meters_per_unit == 0.01
+    with pytest.raises(SceneError, match="metersPerUnit = 0; accepted: > 0"):
+        read("", header=HEADER.replace("metersPerUnit = 1", "metersPerUnit = 0"))
+
+
+# Stages that cannot be read
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("gone.usda", None, "gone.usda: no such file"),
+        ("notes.txt", "hello", "notes.txt: not a USD file; accepted: .usd, .usda, .usdc and .usdz"),
+        ("noise.usd", "\x00\x01noise", "noise.usd: not a USD file"),
+        ("empty.usda", "", "empty.usda"),
+        ("syntax.usda", '#usda 1.0\ndef Xform "A"\n{\n    float x = = 3\n}\n', "syntax.usda:4:.*float x = = 3"),
+        (
+            "asset.usda",
+            '#usda 1.0\ndef "A" (\n references = @away.usda@\n)\n{\n}\n',
+            "/A: Could not open asset @.*away.usda@",
+        ),
+        (
+            "prim.usda",
+            '#usda 1.0\ndef "A" (\n references = </B>\n)\n{\n}\n',
+            "/A: Unresolved reference prim path .*</B>",
+        ),
+        (
+            "circle.usda",
+            '#usda 1.0\ndef "A" (\n references = </B>\n)\n{\n}\ndef "B" (\n references = </A>\n)\n{\n}\n',
+            "circle.usda: /[AB]: Cycle detected",
+        ),
+        (
+            "layer.usda",
+            "#usda 1.0\n(\n subLayers = [@layer.usda@]\n)\n",
+            "layer.usda: /: Sublayer hierarchy .* has cycles",
+        ),
+        (
+            "load.usda",
+            '#usda 1.0\ndef "A" (\n payload = @away.usdc@\n)\n{\n}\n',
+            "/A: Could not open asset @.*away.usdc@",
+        ),
+    ],
+)
+def test_unreadable_files_say_so_in_one_line(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], name: str, text: str | None, message: str
+) -> None:
+    path = tmp_path / name
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(SceneError, match=message) as caught:
+        read_scene(path)
+    assert name in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+    assert capfd.readouterr() == ("", "")
+
+
+MISTYPED = [
+    ("Sphere", 'string radius = "wide"', "/P.radius = wide; accepted: > 0"),
+    ("Sphere", "float primvars:displayColor = 3", "/P.primvars:displayColor is no array"),
+    (
+        "Sphere",
+        "double3 xformOp:translate = (nan, 0, 0)\n" + 'uniform token[] xformOpOrder = ["xformOp:translate"]',
+        "/P: ",
+    ),
+    ("Sphere", 'uniform token[] xformOpOrder = ["xformOp:none"]', "/P.xformOpOrder: "),
+    ("Mesh", "float[] points = [1, 2]", "/P.points is no array; accepted: an array of entries of 3 numbers"),
+    ("Camera", 'string focalLength = "long"', "/P.focalLength = long; accepted: > 0"),
+    ("RectLight", 'string inputs:intensity = "bright"', "/P.inputs:intensity = bright; accepted: >= 0"),
+    ("RectLight", "float inputs:color = 1", "/P.inputs:color = 1; accepted: three finite numbers"),
+    ("RenderSettings", "float resolution = 3", "/P.resolution is no array; accepted: an array of numbers"),
+]
+
+
+@pytest.mark.parametrize(("kind", "attribute", "message"), MISTYPED)
+def test_values_of_the_wrong_type_are_refused_by_name(read, kind: str, attribute: str, message: str) -> None:
+    with pytest.raises(SceneError, match="stage.usda: " + message):
+        read(f'def {kind} "P"\n{{\n{attribute}\n}}\n', camera="")
+
+
+def test_a_folder_is_no_stage(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="no such file"):
+        read_scene(tmp_path)
+
+
+def test_usds_warnings_are_handed_on_and_kept_off_the_terminal(read, capfd: pytest.CaptureFixture[str]) -> None:
+    reading = read('def Sphere "S"\n{\n rel material:binding = </M>\n}\ndef Material "M"\n{\n}')
+    assert any(text.startswith("USD: ") and "/S" in text for text in reading.warnings)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_open_stage_is_read_under_its_layers_name() -> None:
+    stage = Usd.Stage.CreateInMemory("mine.usda")
+    UsdGeom.Sphere.Define(stage, "/S").CreateRadiusAttr(-1)
+    with pytest.raises(SceneError, match=r"mine.usda: /S.radius = -1; accepted: > 0"):
+        read_stage(stage)
+
+
+# Stages that come with the package, and those of others
+
+
+@pytest.mark.parametrize("name", stage_names())
+def test_shipped_stages_read_without_a_warning(name: str) -> None:
+    reading = read_scene(stage_path(name))
+    assert reading.warnings == ()
+    assert reading.resolution is not None
+    assert len(reading.scene.media) == 1
+    assert (STAGES / f"{name}.usda").stat().st_size < 100_000
+
+
+def test_a_name_that_is_no_stage_is_refused() -> None:
+    with pytest.raises(SceneError, match="no stage 'teapot'; there are: cloud_block, knot, sphere"):
+        stage_path("teapot")
+
+
+def test_the_cloud_clears_as_hurst_rises_to_zero() -> None:
+    scene = read_scene(stage_path("cloud_block")).scene
+    (medium,) = scene.media
+    (block,) = (shape for shape in scene.shapes if shape.medium is not None)
+    assert medium.name == "/World/Looks/Cloud"
+    thickness = np.ptp([corner[0] for corner in scene_bounds([block])])
+    laws = [transmittance(medium, hurst, thickness) for hurst in (-0.5, -0.25, -0.05, -0.01)]
+    assert laws[0] < 0.005 and laws[-1] > 0.4
+    assert laws == sorted(laws)
+
+
+def transmittance(medium, hurst: float, t: float) -> float:
+    """Tr(t) = (1 + t v / sigma_m)^(-sigma_m^2 / v) of the medium at another H."""
+    v = replace(medium, hurst=hurst).line_law.line_variance(t)
+    return (1 + t * v / medium.mean_extinction) ** (-(medium.mean_extinction**2) / v)
+
+
+def test_the_knots_mesh_is_the_one_that_is_documented() -> None:
+    stage = Usd.Stage.Open(str(stage_path("knot")))
+    mesh = UsdGeom.Mesh.Get(stage, "/World/Knot")
+    points, quads = trefoil_tube(around=14, along=112, tube_radius=0.26, radius=0.4)
+    np.testing.assert_allclose(mesh.GetPointsAttr().Get(), points, atol=1e-4)
+    np.testing.assert_array_equal(mesh.GetFaceVertexIndicesAttr().Get(), quads.reshape(-1))
+
+
+def test_the_trefoil_is_closed_and_faces_outwards() -> None:
+    points, quads = trefoil_tube()
+    triangles = triangulate(points, np.full(len(quads), 4), quads.reshape(-1))
+    assert count_open_edges(points, triangles) == 0
+    t = np.linspace(0, 2 * np.pi, 100_001)
+    spine = np.column_stack([np.sin(t) + 2 * np.sin(2 * t), np.cos(t) - 2 * np.cos(2 * t), -np.sin(3 * t)])
+    length = np.linalg.norm(np.diff(spine, axis=0), axis=1).sum()
+    assert signed_volume(points, triangles) == pytest.approx(np.pi * 0.35**2 * length, rel=0.05)
+
+
+@pytest.mark.skipif(not ASSET_FILES, reason="the third-party stages of ../shared/usd_assets are not on this machine")
+@pytest.mark.parametrize("path", ASSET_FILES, ids=lambda path: path.name)
+def test_stages_of_others_are_read_or_refused_by_name(path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    try:
+        reading = read_scene(path)
+    except FgfError as error:
+        assert str(path) in str(error)
+    else:
+        assert reading.scene.lights
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", ["instancedCubes", "instancedCubes2", "nestedInstancedCubes"])
+def test_instancing_is_of_no_effect_on_what_is_seen(name: str) -> None:
+    folder = ASSETS / "PixarAnimationStudios__OpenUSD/pxr/usdImaging/usdImagingGL/testenv/testUsdImagingGLInstancing"
+    if not folder.is_dir():
+        pytest.skip("the third-party stages of ../shared/usd_assets are not on this machine")
+    stage = Usd.Stage.Open(str(folder / f"{name}.usda"))
+    instanced = read_stage(stage).scene
+    while instances := [prim for prim in stage.Traverse() if prim.IsInstance()]:
+        for prim in instances:
+            prim.SetInstanceable(False)
+    plain = read_stage(stage).scene
+    assert len(instanced.shapes) == len(plain.shapes) > 1
+    for one, other in zip(instanced.shapes, plain.shapes, strict=True):
+        assert (one.name, one.surface) == (other.name, other.surface)
+        np.testing.assert_array_equal(shape_bounds(one), shape_bounds(other))
+
+
+def test_reading_imports_no_renderer() -> None:
+    script = "import sys, usd_scenes.reader, usd_scenes.library; print('warp' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
