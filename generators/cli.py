@@ -9,12 +9,12 @@ from __future__ import annotations
 import sys
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
 
-from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError
+from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError, OutputError
 from fgf_warp.settings import PRESETS, Aov, RenderSettings
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from fgf_warp.result import RenderResult
-    from fgf_warp.scene import Medium
+    from fgf_warp.scene import Medium, Scene
     from generators.config import LoadedConfig
     from generators.plan import Plan
     from generators.run import Report
@@ -144,7 +144,7 @@ def render(
     if png:
         check_writable(png)
     _start_warp(device)
-    _warn([*base.warnings, *(warning for medium in base.scene.media for warning in medium.line_law.warnings())])
+    _warn([*base.warnings, *_media_warnings(base.scene)])
 
     from fgf_warp.renderer import prepare  # noqa: PLC0415
     from fgf_warp.renderer import render as render_scene  # noqa: PLC0415
@@ -199,7 +199,12 @@ def generate(
             else:
                 progress.update(progress.task_ids[0], description="rendering", completed=done, total=total)
 
-        report = run.generate(plan, loaded, folder, workers=workers, progress=show)
+        try:
+            report = run.generate(plan, loaded, folder, workers=workers, progress=show)
+        except OutputError as error:
+            if not progress.tasks:
+                raise  # the folder itself is not accepted
+            _fail(str(error), EXIT_PARTIAL)
     _print_report(report, folder / run.CONTACT_SHEET)
     if not report.is_complete:
         raise typer.Exit(EXIT_PARTIAL)
@@ -233,23 +238,17 @@ def validate(
     """  # noqa: D301
     if path.suffix.lower() in (".yaml", ".yml"):
         loaded, made, warnings = _plan(path, None, "cpu")
-        typer.echo(f"{path}: {len(made.samples)} samples of {loaded.scene_path}")
+        settings, swept = made.settings, ", ".join(loaded.config.axes) or "nothing"
+        typer.echo(f"{path}: {len(made.samples)} samples, sweeping {swept}, of {loaded.scene_path}")
+        _print_scene(made.scene, settings.width, settings.height)
         _warn(warnings)
         return
     from generators.stage import load_scene  # noqa: PLC0415
 
     base = load_scene(path)
-    scene = base.scene
-    typer.echo(f"{path}: {base.width} x {base.height} pixels, {scene.meters_per_unit:g} m per unit")
-    typer.echo(f"camera  {scene.camera.name}")
-    for medium in scene.media:
-        typer.echo(f"medium  {medium.name}: {_describe(medium)}")
-    for shape in scene.shapes:
-        inside = f", filled with {scene.media[shape.medium].name}" if shape.medium is not None else ""
-        typer.echo(f"shape   {shape.name}: {getattr(shape, 'kind', 'mesh')}{inside}")
-    for light in scene.lights:
-        typer.echo(f"light   {light.name}: {type(light).__name__}")
-    _warn([*base.warnings, *(warning for medium in scene.media for warning in medium.line_law.warnings())])
+    typer.echo(f"{path}")
+    _print_scene(base.scene, base.width, base.height)
+    _warn([*base.warnings, *_media_warnings(base.scene)])
 
 
 @app.command()
@@ -306,7 +305,7 @@ def main() -> None:
     app()
 
 
-def _fail(message: str, code: int) -> None:
+def _fail(message: str, code: int) -> NoReturn:
     typer.echo(f"error: {message}", err=True)
     sys.exit(code)
 
@@ -449,6 +448,22 @@ def _print_plan(made: Plan) -> None:
         f"{settings.width} x {settings.height} pixels, {settings.spp} samples per pixel, {channels} channels: "
         f"at most about {size / 1e6:,.3g} MB"
     )
+
+
+def _print_scene(scene: Scene, width: int, height: int) -> None:
+    typer.echo(f"image   {width} x {height} pixels, {scene.meters_per_unit:g} m per unit")
+    typer.echo(f"camera  {scene.camera.name}")
+    for medium in scene.media:
+        typer.echo(f"medium  {medium.name}: {_describe(medium)}")
+    for shape in scene.shapes:
+        inside = f", filled with {scene.media[shape.medium].name}" if shape.medium is not None else ""
+        typer.echo(f"shape   {shape.name}: {getattr(shape, 'kind', 'mesh')}{inside}")
+    for light in scene.lights:
+        typer.echo(f"light   {light.name}: {type(light).__name__}")
+
+
+def _media_warnings(scene: Scene) -> list[str]:
+    return [f"{medium.name}: {warning}" for medium in scene.media for warning in medium.line_law.warnings()]
 
 
 def _describe(medium: Medium) -> str:

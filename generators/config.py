@@ -16,6 +16,7 @@ and its nearest neighbour among the doubles is not.
 
 from __future__ import annotations
 
+import copy
 import difflib
 import io
 import math
@@ -199,11 +200,10 @@ class LoadedConfig:
         Raises:
             OutputError: where it cannot be written.
         """
-        scene = self.document["scene"]
-        self.document["scene"] = Path(os.path.relpath(self.scene_path, folder)).as_posix()
+        document = copy.deepcopy(self.document)
+        document["scene"] = Path(os.path.relpath(self.scene_path, folder)).as_posix()
         text = io.StringIO()
-        YAML().dump(self.document, text)
-        self.document["scene"] = scene
+        YAML().dump(document, text)
         write_bytes(folder / "config.yaml", text.getvalue().encode())
 
 

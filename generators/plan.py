@@ -14,6 +14,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -70,10 +71,6 @@ class Sample:
         """Stem of the sample's files."""
         return f"{self.index:06d}"
 
-    def describe(self) -> str:
-        """The swept parameters in one line."""
-        return "  ".join(f"{name} {value:g}" for name, value in self.parameters.items())
-
 
 @dataclass(frozen=True, eq=False)
 class Plan:
@@ -128,6 +125,8 @@ def build_plan(config: SweepConfig, scene: Scene, width: int, height: int, devic
         ConfigError: for axes that contradict each other, or a sample out of the law's domain, by index and values.
         SceneError: where the scene has no such medium, or no single one.
     """
+    # Only the file's name, so that the headers do not depend on the folder that a dataset was made from.
+    scene = replace(scene, source=Path(config.scene).name)
     medium_index = scene.medium_index(config.medium)
     base = scene.media[medium_index]
     if config.transport is not None:

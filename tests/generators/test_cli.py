@@ -7,9 +7,10 @@ import pytest
 from typer.testing import CliRunner
 
 import fgf_warp.renderer
-from fgf_warp.errors import NumericalError
+from fgf_warp.errors import NumericalError, OutputError
 from fgf_warp.output.exr import read_exr
 from fgf_warp.settings import Aov
+from generators import run
 from generators.cli import app
 from tests.renders import made_up_render
 
@@ -169,6 +170,14 @@ def test_generate_of_a_part_says_so(tmp_path, config_path, fake_renderer, monkey
     assert_refused(outcome, "sample 0: 3 samples are not finite", code=3)
 
 
+def test_generate_on_a_full_disk_is_partial(tmp_path, config_path, fake_renderer, monkeypatch):
+    def fail(*_):
+        raise OutputError("000000.exr: cannot be written: No space left on device")
+
+    monkeypatch.setattr(run, "write_exr", fail)
+    assert_refused(fgf("generate", config_path, "--out", tmp_path / "data"), "No space left", code=3)
+
+
 def test_generate_reports_damage(tmp_path, config_path, fake_renderer):
     assert fgf("generate", config_path, "--out", tmp_path / "data").exit_code == 0
     (tmp_path / "data" / "images" / "000001.exr").write_bytes(b"")
@@ -222,7 +231,9 @@ def test_validate_tells_what_is_there(config_path, stage):
     assert "/medium: H = -0.5" in outcome.stdout
     assert "/sphere: sphere, filled with /medium" in outcome.stdout
     assert "/sky: DomeLight" in outcome.stdout
-    assert "6 samples" in fgf("validate", config_path).stdout
+    of_config = fgf("validate", config_path).stdout
+    assert "6 samples, sweeping H, g, S_w" in of_config
+    assert "/medium: H = -0.5" in of_config
     assert_refused(fgf("validate", stage.parent / "no.usda"), "there is no such stage")
     assert_refused(fgf("validate", stage.parent / "no.yaml"), "cannot be read")
 

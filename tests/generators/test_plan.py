@@ -10,9 +10,9 @@ from generators.plan import build_plan, sample_seed
 from tests.scenes import furnace
 
 
-def plan_of(scene=None, device="cpu", **keys):
+def plan_of(base=None, device="cpu", **keys):
     config = SweepConfig.model_validate({"name": "a", "scene": "s", "spp": 2, **keys})
-    return build_plan(config, scene or furnace(), 8, 6, device)
+    return build_plan(config, base or furnace(), 8, 6, device)
 
 
 def test_last_axis_varies_fastest_and_draws_faster_still():
@@ -50,30 +50,31 @@ def test_equal_configs_give_equal_plans():
 
 
 def test_everything_that_changes_files_changes_the_digest():
-    base = {"axes": {"H": [-0.5, -0.25]}}
+    common = {"axes": {"H": [-0.5, -0.25]}}
     albedo = {"albedo": (0.9, 0.9, 0.9)}
     plans = [
-        plan_of(**base),
-        plan_of(**base, seed=1),
-        plan_of(**base, spp=3),
-        plan_of(**base, preset="preview"),
-        plan_of(**base, aovs=["depth"]),
-        plan_of(**base, exposure=1.0),
-        plan_of(**base, png=False),
-        plan_of(**base, transport="renewal"),
-        plan_of(**base, draws=2),
-        plan_of(**base, device="cuda:0"),
-        plan_of(furnace(**albedo), **base),
-        plan_of(furnace(sky=(1.0, 1.0, 0.9)), **base),
-        plan_of(furnace(fills_view=False), **base),
+        plan_of(**common),
+        plan_of(**common, seed=1),
+        plan_of(**common, spp=3),
+        plan_of(**common, preset="preview"),
+        plan_of(**common, aovs=["depth"]),
+        plan_of(**common, exposure=1.0),
+        plan_of(**common, png=False),
+        plan_of(**common, transport="renewal"),
+        plan_of(**common, draws=2),
+        plan_of(**common, device="cuda:0"),
+        plan_of(furnace(**albedo), **common),
+        plan_of(furnace(sky=(1.0, 1.0, 0.9)), **common),
+        plan_of(furnace(fills_view=False), **common),
         plan_of(axes={"H": [-0.5, -0.26]}),
     ]
     assert len({plan.digest for plan in plans}) == len(plans)
 
 
-def test_where_the_scene_lies_does_not_change_the_digest():
-    axes = {"H": [-0.5]}
-    assert plan_of(axes=axes).digest == plan_of(replace(furnace(), source="/elsewhere/s.usda"), axes=axes).digest
+def test_where_the_scene_lies_changes_neither_digest_nor_headers():
+    here, elsewhere = plan_of(scene="a/s.usda"), plan_of(replace(furnace(), source="/b/s.usda"), scene="/b/s.usda")
+    assert here.digest == elsewhere.digest
+    assert here.scene.source == elsewhere.scene.source == "s.usda"
 
 
 def test_the_number_of_the_gpu_does_not_change_the_digest():
