@@ -331,8 +331,8 @@ MISTYPED = [
     ("Sphere", "float primvars:displayColor = 3", "/P.primvars:displayColor is no array"),
     (
         "Sphere",
-        "double3 xformOp:translate = (nan, 0, 0)\n" + 'uniform token[] xformOpOrder = ["xformOp:translate"]',
-        "/P: ",
+        'double3 xformOp:translate = (nan, 0, 0)\nuniform token[] xformOpOrder = ["xformOp:translate"]',
+        "/P: the world transform holds numbers that are not finite",
     ),
     ("Sphere", 'uniform token[] xformOpOrder = ["xformOp:none"]', "/P.xformOpOrder: "),
     ("Mesh", "float[] points = [1, 2]", "/P.points is no array; accepted: an array of entries of 3 numbers"),

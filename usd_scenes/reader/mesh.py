@@ -69,10 +69,11 @@ def _topology(mesh: UsdGeom.Mesh, context: StageContext, n_points: int) -> tuple
 def _without_holes(
     mesh: UsdGeom.Mesh, context: StageContext, counts: np.ndarray, indices: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    holes = read_array(mesh.GetHoleIndicesAttr(), context.time, np.int64)
-    if len(holes) and not (holes.min() >= 0 and holes.max() < len(counts)):
+    attribute = mesh.GetHoleIndicesAttr()
+    holes = read_array(attribute, context.time, np.int64)
+    if len(holes) and (holes.min() < 0 or holes.max() >= len(counts)):
         raise SceneError(
-            f"{mesh.GetHoleIndicesAttr().GetPath()} spans [{holes.min()}, {holes.max()}]; accepted: [0, {len(counts) - 1}]"
+            f"{attribute.GetPath()} spans [{holes.min()}, {holes.max()}]; accepted: [0, {len(counts) - 1}]"
         )
     kept = counts >= 3
     kept[holes] = False
