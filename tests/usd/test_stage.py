@@ -302,6 +302,12 @@ def test_meters_per_unit_is_recorded_and_checked(read) -> None:
             "circle.usda: /[AB]: Cycle detected",
         ),
         (
+            "both.usda",  # the circle is named first, as it may be the cause of the rest
+            '#usda 1.0\ndef "A" (\n references = @away.usda@\n)\n{\n}\ndef "B" (\n references = </C>\n)\n{\n}\n'
+            'def "C" (\n references = </B>\n)\n{\n}\n',
+            r"both.usda: /[BC]: Cycle detected.* \(and \d more such errors\)",
+        ),
+        (
             "layer.usda",
             "#usda 1.0\n(\n subLayers = [@layer.usda@]\n)\n",
             "layer.usda: /: Sublayer hierarchy .* has cycles",
