@@ -18,10 +18,12 @@ from fgf_warp.device.geometry import (
     BOUNDARY,
     LIGHT,
     MISS,
+    SKIP,
     SURFACE,
     Hit,
     Mesh,
     Solid,
+    coordinate_reach,
     cross_boundary,
     intersect_meshes,
     intersect_solids,
@@ -182,6 +184,7 @@ def flight_density(law: Law, u: float, from_medium: bool) -> float:
 @cache
 def build_program(features: RenderFeatures) -> Program:
     """The kernel that renders scenes of these features; compiled when it is first loaded on a device."""
+    sees_first_segment = bool(features.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE})
 
     @wp.func
     def intersect(scene: SceneData, origin: wp.vec3, direction: wp.vec3, t_max: float, inside: wp.uint64) -> Hit:
@@ -333,27 +336,37 @@ def build_program(features: RenderFeatures) -> Program:
             path.bounce += 1
             xi = uniforms(seed, pixel, sample, path.bounce, EVENT)
 
-            # What lies ahead.
-            hit = intersect(scene, path.origin, path.direction, INFINITE, path.inside)
-            if wp.static(Aov.DEPTH in features.aovs):
-                if path.depth == 0 and hit.kind != MISS and result.depth == INFINITE:
-                    result.depth = hit.t * wp.dot(path.direction, scene.camera.forward)
-
-            # Does it scatter in the medium before?
+            # In a medium, how far does it fly?
             is_in_medium = bool(False)
-            scatters_in_medium = bool(False)
             medium = Medium()
-            flight = float(0.0)
+            flight = INFINITE
+            reach = INFINITE
             if wp.static(features.media):
                 medium_index = medium_at(scene.containers, path.inside)
                 is_in_medium = medium_index >= 0
                 if is_in_medium:
                     medium = scene.media[medium_index]
                     flight = sample_flight(scene, medium, path, seed, pixel, sample, xi[0])
-                    scatters_in_medium = flight < hit.t
-                    if wp.static(Aov.TRANSMITTANCE in features.aovs):
-                        if path.depth == 0 and not has_met_medium:
-                            result.transmittance = attenuation(medium, hit.t, False)
+                    reach = flight
+                    if wp.static(features.meshes):
+                        margin = coordinate_reach(path.origin, flight) * SKIP
+                        reach = flight + 2.0 * margin
+                    if wp.static(sees_first_segment):
+                        reach = wp.where(path.depth == 0, INFINITE, reach)
+
+            # What lies ahead, as far as it flies?
+            hit = intersect(scene, path.origin, path.direction, reach, path.inside)
+            scatters_in_medium = is_in_medium and flight <= hit.t
+            if wp.static(features.media and features.meshes):
+                if scatters_in_medium:
+                    # Not so close to a face that rounding could put it behind.
+                    flight = wp.min(flight, wp.max(hit.t - margin, 0.5 * hit.t))
+            if wp.static(Aov.DEPTH in features.aovs):
+                if path.depth == 0 and hit.kind != MISS and result.depth == INFINITE:
+                    result.depth = hit.t * wp.dot(path.direction, scene.camera.forward)
+            if wp.static(Aov.TRANSMITTANCE in features.aovs):
+                if path.depth == 0 and is_in_medium and not has_met_medium:
+                    result.transmittance = attenuation(medium, hit.t, False)
                     has_met_medium = True
 
             # A boundary lets it through and ends its memory.

@@ -24,7 +24,7 @@ CYLINDER = wp.constant(2)
 MAX_MESH_SKIPS = wp.constant(64)
 """Faces of the wrong side that one mesh query may pass before it gives up."""
 SKIP = wp.constant(1.0e-6)
-"""Relative step past a face of the wrong side."""
+"""Relative step past a face of the wrong side, and margin of a scattering event to the face of a mesh."""
 OFFSET = wp.constant(4.0e-6)
 """Relative step off a surface, a few units in the last place of the coordinates."""
 
@@ -75,10 +75,15 @@ def cross_boundary(inside: wp.uint64, container: int) -> wp.uint64:
 
 
 @wp.func
+def coordinate_reach(position: wp.vec3, t: float) -> float:
+    """Size of the coordinates along a ray up to t: rounding moves a point of it by some 1e-7 of that."""
+    return wp.max(wp.max(wp.abs(position[0]), wp.abs(position[1])), wp.abs(position[2])) + t
+
+
+@wp.func
 def offset_from_surface(position: wp.vec3, normal: wp.vec3, t: float) -> wp.vec3:
     """A start for the next ray that rounding cannot put behind the surface."""
-    reach = wp.max(wp.max(wp.abs(position[0]), wp.abs(position[1])), wp.abs(position[2]))
-    return position + normal * ((reach + t) * OFFSET)
+    return position + normal * (coordinate_reach(position, t) * OFFSET)
 
 
 @wp.func
@@ -180,7 +185,7 @@ def intersect_solids(
 
 @wp.func
 def meet_mesh_boundary(mesh: wp.uint64, origin: wp.vec3, direction: wp.vec3, t_max: float, is_within: bool) -> float:
-    """As `meet_boundary`: faces of the wrong side are passed by."""
+    """As `meet_boundary` up to t_max: faces of the wrong side are passed by."""
     start = float(0.0)
     for _ in range(MAX_MESH_SKIPS):
         query = wp.mesh_query_ray(mesh, origin + direction * start, direction, t_max - start)
@@ -189,8 +194,7 @@ def meet_mesh_boundary(mesh: wp.uint64, origin: wp.vec3, direction: wp.vec3, t_m
         start += query.t
         if (wp.dot(query.normal, direction) > 0.0) == is_within:
             return start
-        reach = wp.max(wp.max(wp.abs(origin[0]), wp.abs(origin[1])), wp.abs(origin[2]))
-        start += (reach + start) * SKIP
+        start += coordinate_reach(origin, start) * SKIP
     return wp.where(is_within and t_max == INFINITE, 0.0, INFINITE)
 
 
@@ -210,7 +214,7 @@ def intersect_meshes(
                 hit.item = mesh.surface
                 hit.normal = query.normal
         else:
-            t = meet_mesh_boundary(mesh.id, origin, direction, INFINITE, is_inside(inside, mesh.container))
+            t = meet_mesh_boundary(mesh.id, origin, direction, hit.t, is_inside(inside, mesh.container))
             if t < hit.t:
                 hit.t = t
                 hit.kind = BOUNDARY
