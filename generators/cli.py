@@ -144,7 +144,7 @@ def render(
     if png:
         check_writable(png)
     _start_warp(device)
-    _warn([*base.warnings, *_media_warnings(base.scene)])
+    _warn(base.warnings)
 
     from fgf_warp.renderer import prepare  # noqa: PLC0415
     from fgf_warp.renderer import render as render_scene  # noqa: PLC0415
@@ -248,7 +248,7 @@ def validate(
     base = load_scene(path)
     typer.echo(f"{path}")
     _print_scene(base.scene, base.width, base.height)
-    _warn([*base.warnings, *_media_warnings(base.scene)])
+    _warn(base.warnings)
 
 
 @app.command()
@@ -460,10 +460,6 @@ def _print_scene(scene: Scene, width: int, height: int) -> None:
         typer.echo(f"shape   {shape.name}: {getattr(shape, 'kind', 'mesh')}{inside}")
     for light in scene.lights:
         typer.echo(f"light   {light.name}: {type(light).__name__}")
-
-
-def _media_warnings(scene: Scene) -> list[str]:
-    return [f"{medium.name}: {warning}" for medium in scene.media for warning in medium.line_law.warnings()]
 
 
 def _describe(medium: Medium) -> str:

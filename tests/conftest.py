@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-wp.config.quiet = True
+wp.config.log_level = wp.LOG_WARNING
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 

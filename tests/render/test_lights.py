@@ -84,7 +84,9 @@ def test_connections_agree_with_paths_that_find_the_light(regime, transport):
         if light:
             lights = (AreaLight("/light", "rect", (0, 0, 3), (2, 0, 0), (0, -2, 0), (1.0,) * 3),)
         else:
-            shapes.append(Solid("/plate", "cube", transform((2, 2, 1e-3), (0, 0, 3.001)), Surface((0,) * 3, (1.0,) * 3)))
+            shapes.append(
+                Solid("/plate", "cube", transform((2, 2, 1e-3), (0, 0, 3.001)), Surface((0,) * 3, (1.0,) * 3))
+            )
         medium = dict(mean_extinction=1.5, albedo=(0.9,) * 3, asymmetry=0.6, transport=transport) | REGIMES[regime]
         return Scene(camera((5, 3, 1.5), (0, 0, 0)), tuple(shapes), (Medium("/medium", **medium),), lights)
 

@@ -1,0 +1,113 @@
+"""The direction rule: who may import whom, read from the source, and what an import starts."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("fgf_warp", "usd_scenes", "generators")
+
+ALLOWED = {
+    "fgf_warp.errors": (),
+    "fgf_warp.theory": (),
+    "fgf_warp.scene": ("fgf_warp.errors", "fgf_warp.theory"),
+    "fgf_warp.settings": ("fgf_warp.errors",),
+    "fgf_warp.result": ("fgf_warp.settings",),
+    "fgf_warp.features": ("fgf_warp.scene", "fgf_warp.settings"),
+    "fgf_warp.device": (),
+    "fgf_warp.integrator": ("fgf_warp.device", "fgf_warp.features", "fgf_warp.settings"),
+    "fgf_warp.upload": (
+        "fgf_warp.device",
+        "fgf_warp.errors",
+        "fgf_warp.integrator",
+        "fgf_warp.scene",
+        "fgf_warp.settings",
+        "fgf_warp.theory",
+    ),
+    "fgf_warp.renderer": (
+        "fgf_warp",
+        "fgf_warp.errors",
+        "fgf_warp.features",
+        "fgf_warp.integrator",
+        "fgf_warp.result",
+        "fgf_warp.scene",
+        "fgf_warp.settings",
+        "fgf_warp.upload",
+    ),
+    "fgf_warp.output": ("fgf_warp", "fgf_warp.errors", "fgf_warp.result", "fgf_warp.settings"),
+    "usd_scenes": ("fgf_warp.scene", "fgf_warp.errors"),
+    "generators": ("fgf_warp", "usd_scenes"),
+}
+"""What each module or package may import of the project, beside itself."""
+
+ONLY_IN = {
+    "pxr": ("usd_scenes",),
+    "OpenImageIO": ("fgf_warp.output",),
+    "colour": ("fgf_warp.output",),
+    "warp": ("fgf_warp.device", "fgf_warp.integrator", "fgf_warp.upload", "fgf_warp.renderer", "generators.cli"),
+}
+"""Libraries behind a door."""
+
+
+def is_in(module: str, packages) -> bool:
+    return any(module == package or module.startswith(package + ".") for package in packages)
+
+
+def imports(path: Path) -> set[str]:
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            for alias in node.names:
+                inner = ROOT / Path(*node.module.split("."), alias.name)
+                is_module = inner.is_dir() or inner.with_suffix(".py").exists()
+                found.add(f"{node.module}.{alias.name}" if is_module else node.module)
+    return found
+
+
+SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+
+
+def module_name(path: Path) -> str:
+    name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    return name.removesuffix(".__init__")
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=module_name)
+def test_direction(path):
+    module = module_name(path)
+    owners = [owner for owner in ALLOWED if is_in(module, (owner,))]
+    for name in imports(path):
+        if is_in(name, PACKAGES) and owners:
+            # `fgf_warp` itself, where it is allowed as a whole, is the package's version alone, but for generators.
+            whole = [a for a in ALLOWED[owners[0]] if a != "fgf_warp" or module.startswith("generators")]
+            allowed = is_in(name, (*whole, owners[0])) or (name == "fgf_warp" and "fgf_warp" in ALLOWED[owners[0]])
+            assert allowed, f"{module} imports {name}"
+        library = name.split(".")[0]
+        if library in ONLY_IN:
+            assert is_in(module, ONLY_IN[library]), f"{module} imports {library}"
+
+
+def test_every_module_is_held():
+    held = [module_name(path) for path in SOURCES if any(is_in(module_name(path), (owner,)) for owner in ALLOWED)]
+    assert sorted({*held, "fgf_warp"}) == sorted({module_name(path) for path in SOURCES} | {"fgf_warp"})
+
+
+@pytest.mark.parametrize(
+    ("imported", "absent"),
+    [
+        ("fgf_warp", ("warp", "pxr", "OpenImageIO", "colour")),
+        ("fgf_warp.scene", ("warp", "pxr", "OpenImageIO", "colour", "scipy")),
+        ("fgf_warp.output.exr", ("warp", "pxr", "colour")),
+        ("generators.cli", ("warp", "pxr", "OpenImageIO", "colour", "pyarrow")),
+    ],
+)
+def test_imports_start_nothing(imported, absent):
+    code = f"import sys, {imported}; print([m for m in {absent!r} if m in sys.modules])"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
