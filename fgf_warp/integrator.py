@@ -13,19 +13,18 @@ from typing import Any
 import warp as wp
 
 from fgf_warp.device import film as film_module
+from fgf_warp.device.bvh import Bvh, intersect_meshes
 from fgf_warp.device.camera import Camera, camera_direction
 from fgf_warp.device.geometry import (
     BOUNDARY,
     LIGHT,
+    MARGIN,
     MISS,
-    SKIP,
     SURFACE,
     Hit,
-    Mesh,
     Solid,
     coordinate_reach,
     cross_boundary,
-    intersect_meshes,
     intersect_solids,
     offset_from_surface,
 )
@@ -70,7 +69,7 @@ class SceneData:
     camera: Camera
     environment: wp.vec3
     solids: wp.array(dtype=Solid)
-    meshes: wp.array(dtype=Mesh)
+    meshes: Bvh
     surfaces: wp.array(dtype=Surface)
     media: wp.array(dtype=Medium)
     containers: wp.array(dtype=Container)
@@ -349,7 +348,7 @@ def build_program(features: RenderFeatures) -> Program:
                     flight = sample_flight(scene, medium, path, seed, pixel, sample, xi[0])
                     reach = flight
                     if wp.static(features.meshes):
-                        margin = coordinate_reach(path.origin, flight) * SKIP
+                        margin = coordinate_reach(path.origin, flight) * MARGIN
                         reach = flight + 2.0 * margin
                     if wp.static(sees_first_segment):
                         reach = wp.where(path.depth == 0, INFINITE, reach)

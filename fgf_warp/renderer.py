@@ -165,7 +165,7 @@ def develop(model: Model, state: State, seconds: float) -> RenderResult:
     spread = np.maximum(mean(film.radiance_sq) - radiance**2, 0.0)
     aovs: dict[Aov, np.ndarray] = {}
     if Aov.DEPTH in settings.aovs:
-        aovs[Aov.DEPTH] = film.depth.numpy().reshape(settings.height, settings.width)
+        aovs[Aov.DEPTH] = film.depth.numpy().reshape(settings.height, settings.width).copy()
     if Aov.TRANSMITTANCE in settings.aovs:
         aovs[Aov.TRANSMITTANCE] = mean(film.transmittance).astype(np.float32)
     if Aov.ALBEDO in settings.aovs:

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from fgf_warp.bvh import build_wide_tree
+from fgf_warp.device import bvh, geometry, law, lights, medium, surfaces
 from fgf_warp.device import camera as camera_device
-from fgf_warp.device import geometry, law, lights, medium, surfaces
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import Limits, SceneData
 from fgf_warp.scene import (
@@ -46,12 +47,10 @@ class UploadedScene:
     Args:
         data: the kernel's view of it.
         limits: the kernel's view of the settings.
-        keep_alive: Warp meshes, which `data` refers to by number.
     """
 
     data: Any
     limits: Any
-    keep_alive: tuple[wp.Mesh, ...]
 
 
 def upload(scene: Scene, settings: RenderSettings) -> UploadedScene:
@@ -69,11 +68,6 @@ def upload(scene: Scene, settings: RenderSettings) -> UploadedScene:
             f"{scene.source}: {len(containers)} shapes are filled with media; accepted: at most {MAX_CONTAINERS}"
         )
     solids = [_solid(shape, shapes, containers) for shape in shapes if isinstance(shape, Solid)]
-    warp_meshes = tuple(_warp_mesh(shape, device) for shape in shapes if isinstance(shape, Mesh))
-    meshes = [
-        _mesh(shape, warp_mesh, shapes, containers)
-        for shape, warp_mesh in zip((s for s in shapes if isinstance(s, Mesh)), warp_meshes, strict=True)
-    ]
     tables = FlightTables()
     media = [_medium(item, tables) for item in scene.media]
 
@@ -81,7 +75,7 @@ def upload(scene: Scene, settings: RenderSettings) -> UploadedScene:
     data.camera = _camera(scene.camera, settings.width, settings.height)
     data.environment = wp.vec3(*_dome_radiance(scene))
     data.solids = wp.array(solids, dtype=geometry.Solid, device=device)
-    data.meshes = wp.array(meshes, dtype=geometry.Mesh, device=device)
+    data.meshes = build_device_meshes(shapes, containers, device)
     data.surfaces = wp.array(
         [_surface(s.surface) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
     )
@@ -96,7 +90,7 @@ def upload(scene: Scene, settings: RenderSettings) -> UploadedScene:
     limits = Limits()
     limits.max_depth = settings.max_depth
     limits.roulette_depth = settings.roulette_depth
-    return UploadedScene(data, limits, warp_meshes)
+    return UploadedScene(data, limits)
 
 
 def containers_around(point: np.ndarray, containers: Sequence[Shape]) -> int:
@@ -171,6 +165,19 @@ def build_device_law(line: LineLaw, reciprocal: bool, tables: FlightTables) -> A
     return result
 
 
+def build_device_meshes(shapes: Sequence[Shape], containers: Sequence[Shape], device: str) -> Any:
+    """The device's view of all meshes among `shapes`; bits of `inside` are places in `containers`."""
+    meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
+    tree = build_wide_tree([np.asarray(mesh.points, dtype=np.float32)[mesh.triangles] for mesh in meshes])
+    result = bvh.Bvh()
+    result.boxes = wp.array(tree.boxes, dtype=bvh.vec8, device=device)
+    result.children = wp.array(tree.children, dtype=bvh.vec8i, device=device)
+    result.triangles = wp.array(tree.triangles, dtype=bvh.vec8, device=device)
+    result.owners = wp.array(tree.owners, dtype=bvh.vec8i, device=device)
+    result.meshes = wp.array([_mesh(mesh, shapes, containers) for mesh in meshes], dtype=bvh.Mesh, device=device)
+    return result
+
+
 def _medium(item: Medium, tables: FlightTables) -> Any:
     reciprocal = item.resolved_transport == "reciprocal"
     channels = [build_device_law(line, reciprocal, tables) for line in item.channel_laws]
@@ -200,16 +207,8 @@ def _solid(shape: Solid, shapes: Sequence[Shape], containers: Sequence[Shape]) -
     return result
 
 
-def _warp_mesh(shape: Mesh, device: str) -> wp.Mesh:
-    return wp.Mesh(
-        points=wp.array(np.asarray(shape.points, dtype=np.float32), dtype=wp.vec3, device=device),
-        indices=wp.array(np.asarray(shape.triangles, dtype=np.int32).flatten(), dtype=wp.int32, device=device),
-    )
-
-
-def _mesh(shape: Mesh, warp_mesh: wp.Mesh, shapes: Sequence[Shape], containers: Sequence[Shape]) -> Any:
-    result = geometry.Mesh()
-    result.id = warp_mesh.id
+def _mesh(shape: Mesh, shapes: Sequence[Shape], containers: Sequence[Shape]) -> Any:
+    result = bvh.Mesh()
     result.surface, result.container = _surface_index(shape, shapes), _container_bit(shape, containers)
     return result
 

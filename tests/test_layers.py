@@ -19,7 +19,10 @@ ALLOWED = {
     "fgf_warp.features": ("fgf_warp.scene", "fgf_warp.settings"),
     "fgf_warp.device": (),
     "fgf_warp.integrator": ("fgf_warp.device", "fgf_warp.features", "fgf_warp.settings"),
+    "fgf_warp.bvh_kernel": (),
+    "fgf_warp.bvh": ("fgf_warp.bvh_kernel", "fgf_warp.errors"),
     "fgf_warp.upload": (
+        "fgf_warp.bvh",
         "fgf_warp.device",
         "fgf_warp.errors",
         "fgf_warp.integrator",
@@ -47,7 +50,15 @@ ONLY_IN = {
     "pxr": ("usd_scenes",),
     "OpenImageIO": ("fgf_warp.output",),
     "colour": ("fgf_warp.output",),
-    "warp": ("fgf_warp.device", "fgf_warp.integrator", "fgf_warp.upload", "fgf_warp.renderer", "generators.cli"),
+    "warp": (
+        "fgf_warp.device",
+        "fgf_warp.bvh",
+        "fgf_warp.bvh_kernel",
+        "fgf_warp.integrator",
+        "fgf_warp.upload",
+        "fgf_warp.renderer",
+        "generators.cli",
+    ),
 }
 """Libraries behind a door."""
 

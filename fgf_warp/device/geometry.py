@@ -1,4 +1,4 @@
-"""Rays against solids, meshes and lights with a shape.
+"""Rays against solids, and what all that rays can meet has in common.
 
 A boundary of a medium is a switch: from outside only its front is met, from inside only its back. Which side
 a path is on is known from what it crossed (its `inside` bits), not from coordinates. So rounding at a crossing
@@ -21,10 +21,8 @@ SPHERE = wp.constant(0)
 CUBE = wp.constant(1)
 CYLINDER = wp.constant(2)
 
-MAX_MESH_SKIPS = wp.constant(64)
-"""Faces of the wrong side that one mesh query may pass before it gives up."""
-SKIP = wp.constant(1.0e-6)
-"""Relative step past a face of the wrong side, and margin of a scattering event to the face of a mesh."""
+MARGIN = wp.constant(1.0e-6)
+"""Relative distance that a scattering event keeps from the face of a mesh ahead."""
 OFFSET = wp.constant(4.0e-6)
 """Relative step off a surface, a few units in the last place of the coordinates."""
 
@@ -51,15 +49,6 @@ class Solid:
     """-1: a bare boundary."""
     container: int
     """Bit of the medium that fills it, or -1."""
-
-
-@wp.struct
-class Mesh:
-    """A triangle mesh in world space."""
-
-    id: wp.uint64
-    surface: int
-    container: int
 
 
 @wp.func
@@ -180,43 +169,4 @@ def intersect_solids(
                 hit.t = t
                 hit.kind = BOUNDARY
                 hit.item = solid.container
-    return hit
-
-
-@wp.func
-def meet_mesh_boundary(mesh: wp.uint64, origin: wp.vec3, direction: wp.vec3, t_max: float, is_within: bool) -> float:
-    """As `meet_boundary` up to t_max: faces of the wrong side are passed by."""
-    start = float(0.0)
-    for _ in range(MAX_MESH_SKIPS):
-        query = wp.mesh_query_ray(mesh, origin + direction * start, direction, t_max - start)
-        if not query.result:
-            break
-        start += query.t
-        if (wp.dot(query.normal, direction) > 0.0) == is_within:
-            return start
-        start += coordinate_reach(origin, start) * SKIP
-    return wp.where(is_within and t_max == INFINITE, 0.0, INFINITE)
-
-
-@wp.func
-def intersect_meshes(
-    meshes: wp.array(dtype=Mesh), origin: wp.vec3, direction: wp.vec3, inside: wp.uint64, nearest: Hit
-) -> Hit:
-    """`nearest`, or the mesh before it."""
-    hit = nearest
-    for i in range(meshes.shape[0]):
-        mesh = meshes[i]
-        if mesh.surface >= 0:
-            query = wp.mesh_query_ray(mesh.id, origin, direction, hit.t)
-            if query.result and query.t < hit.t:
-                hit.t = query.t
-                hit.kind = SURFACE
-                hit.item = mesh.surface
-                hit.normal = query.normal
-        else:
-            t = meet_mesh_boundary(mesh.id, origin, direction, hit.t, is_inside(inside, mesh.container))
-            if t < hit.t:
-                hit.t = t
-                hit.kind = BOUNDARY
-                hit.item = mesh.container
     return hit

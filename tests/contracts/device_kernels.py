@@ -3,10 +3,11 @@
 import numpy as np
 import warp as wp
 
-from fgf_warp.device import law, lights, phase, rng, surfaces
+from fgf_warp.device import bvh, law, lights, phase, rng, surfaces
+from fgf_warp.device.geometry import MISS, Hit
 from fgf_warp.device.law import Law
 from fgf_warp.theory.law import LineLaw
-from fgf_warp.upload import FlightTables, build_device_law
+from fgf_warp.upload import FlightTables, build_device_law, build_device_meshes
 
 
 @wp.kernel(enable_backward=False)
@@ -149,3 +150,37 @@ def sample_law(pairs, xi) -> np.ndarray:
 
 def _floats(values) -> wp.array:
     return wp.array(np.asarray(values, dtype=np.float32), dtype=float, device="cpu")
+
+
+@wp.kernel(enable_backward=False)
+def meet_meshes_kernel(
+    tree: bvh.Bvh,
+    origin: wp.array(dtype=wp.vec3),
+    direction: wp.array(dtype=wp.vec3),
+    inside: wp.uint64,
+    t: wp.array(dtype=float),
+    normal: wp.array(dtype=wp.vec3),
+):
+    i = wp.tid()
+    hit = Hit()
+    hit.t = 1.0e30
+    hit = bvh.intersect_meshes(tree, origin[i], direction[i], inside, hit)
+    t[i] = wp.where(hit.kind == MISS, -1.0, hit.t)
+    normal[i] = hit.normal
+
+
+def meet_meshes(meshes, origin, direction, inside: int = 0):
+    """Distances, -1 for a miss, and normals, at which rays meet meshes."""
+    containers = [mesh for mesh in meshes if mesh.medium is not None]
+    tree = build_device_meshes(meshes, containers, "cpu")
+    rays = [wp.array(np.asarray(x, dtype=np.float32), dtype=wp.vec3, device="cpu") for x in (origin, direction)]
+    t = wp.zeros(len(rays[0]), dtype=float, device="cpu")
+    normal = wp.zeros(len(rays[0]), dtype=wp.vec3, device="cpu")
+    wp.launch(
+        meet_meshes_kernel,
+        dim=len(rays[0]),
+        inputs=[tree, *rays, wp.uint64(inside)],
+        outputs=[t, normal],
+        device="cpu",
+    )
+    return t.numpy(), normal.numpy()

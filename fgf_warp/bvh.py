@@ -1,0 +1,90 @@
+"""Builds the tree of `device/bvh.py`: top down, each node opened to eight children by the surface area heuristic."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from fgf_warp.bvh_kernel import MAX_LEVELS, build_tree
+from fgf_warp.errors import SceneError
+
+LEAF = 8
+"""Triangles of a leaf, at most: one row."""
+POINT_AT_INFINITY = 3e38
+
+
+@dataclass(frozen=True, eq=False)
+class WideTree:
+    """Arrays of the tree, on the host.
+
+    Args:
+        boxes: (6 nodes, 8) float32.
+        children: (nodes, 8) int32.
+        triangles: (9 leaves, 8) float32.
+        owners: (leaves, 8) int32.
+    """
+
+    boxes: np.ndarray
+    children: np.ndarray
+    triangles: np.ndarray
+    owners: np.ndarray
+
+
+def build_wide_tree(corners: Sequence[np.ndarray]) -> WideTree:
+    """The tree over the triangles of all meshes.
+
+    Args:
+        corners: for each mesh its triangles' corners, (m, 3, 3) float32.
+
+    Raises:
+        SceneError: where the tree would be deeper than a ray can keep track of, which takes more than 2^30
+            triangles or a great many in one place.
+    """
+    if not corners:
+        return WideTree(*(np.zeros((0, 8), dtype) for dtype in (np.float32, np.int32, np.float32, np.int32)))
+    all_corners = np.concatenate(corners)
+    owner = np.repeat(np.arange(len(corners), dtype=np.int32), [len(c) for c in corners])
+    count = len(all_corners)
+
+    order = wp.array(np.arange(count, dtype=np.int32), dtype=int, device="cpu")
+    boxes = wp.empty(shape=(count + 1, 6, 8), dtype=float, device="cpu")
+    children = wp.zeros(shape=(count + 1, 8), dtype=int, device="cpu")
+    leaves = wp.empty(shape=(count, 2), dtype=int, device="cpu")
+    sizes = wp.zeros(3, dtype=int, device="cpu")
+    wp.launch(
+        build_tree,
+        dim=1,
+        inputs=[
+            wp.array(all_corners.min(axis=1), dtype=wp.vec3, device="cpu"),
+            wp.array(all_corners.max(axis=1), dtype=wp.vec3, device="cpu"),
+            LEAF,
+        ],
+        outputs=[order, wp.empty(shape=(count + 1, 3), dtype=int, device="cpu"), boxes, children, leaves, sizes],
+        device="cpu",
+    )
+    node_count, leaf_count, levels = (int(size) for size in sizes.numpy())
+    if levels > MAX_LEVELS:
+        raise SceneError(f"the tree over {count} triangles has {levels} levels; accepted: at most {MAX_LEVELS}")
+    return WideTree(
+        boxes=boxes.numpy()[:node_count].reshape(-1, 8),
+        children=children.numpy()[:node_count],
+        **_fill_leaves(leaves.numpy()[:leaf_count], order.numpy(), all_corners, owner),
+    )
+
+
+def _fill_leaves(
+    leaves: np.ndarray, order: np.ndarray, corners: np.ndarray, owner: np.ndarray
+) -> dict[str, np.ndarray]:
+    """The leaves' rows; what a leaf does not fill repeats one corner, a triangle that no ray meets."""
+    lane = np.arange(LEAF)
+    is_filled = lane < leaves[:, 1:]
+    picked = order[np.where(is_filled, leaves[:, :1] + lane, leaves[:, :1])]
+    rows = corners[picked]
+    rows = np.where(is_filled[:, :, None, None], rows, rows[:, :, :1])
+    return {
+        "triangles": np.ascontiguousarray(rows.transpose(0, 2, 3, 1)).reshape(-1, LEAF),
+        "owners": owner[picked],
+    }

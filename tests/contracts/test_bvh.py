@@ -1,0 +1,117 @@
+"""The tree of triangles: the same hits as trying every triangle, and no way through a closed mesh."""
+
+import numpy as np
+import pytest
+
+from fgf_warp.bvh import build_wide_tree
+from fgf_warp.scene import Mesh, Surface
+from tests.contracts.device_kernels import meet_meshes
+from usd_scenes.library import trefoil_tube
+
+
+def knot(around, along, **of_mesh):
+    points, quads = trefoil_tube(around=around, along=along, tube_radius=0.26, radius=0.4)
+    quads = np.asarray(quads)
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    return Mesh("/knot", np.asarray(points, dtype=np.float32), triangles, **of_mesh)
+
+
+def directions(n, seed):
+    d = np.random.default_rng(seed).normal(size=(n, 3))
+    return (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
+
+
+def meet_every_triangle(corners, origin, direction):
+    """Distances in float64 by Moeller and Trumbore, inf for a miss, (rays, triangles)."""
+    a, b, c = (corners[None, :, i].astype(np.float64) for i in range(3))
+    o, d = origin[:, None].astype(np.float64), direction[:, None].astype(np.float64)
+    p = np.cross(d, c - a)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = 1 / ((b - a) * p).sum(-1)
+        u = ((o - a) * p).sum(-1) * inverse
+        q = np.cross(o - a, b - a)
+        v = (d * q).sum(-1) * inverse
+        t = ((c - a) * q).sum(-1) * inverse
+        return np.where((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0), t, np.inf)
+
+
+@pytest.mark.parametrize("copies", [1, 3])
+def test_hits_are_those_of_every_triangle(copies):
+    rng = np.random.default_rng(2)
+    meshes = [knot(6, 40, surface=Surface())]
+    for k in range(1, copies):
+        soup = rng.normal(size=(300, 3)).astype(np.float32)
+        meshes.append(Mesh(f"/soup{k}", soup, np.arange(300).reshape(100, 3), Surface()))
+    origin = rng.uniform(-1.5, 1.5, size=(2000, 3)).astype(np.float32)
+    direction = directions(2000, 3)
+    # Along the axes too, where slopes are exactly zero.
+    direction[:60] = np.tile(np.concatenate([np.eye(3), -np.eye(3)]), (10, 1))
+    t, normal = meet_meshes(meshes, origin, direction)
+    corners = np.concatenate([mesh.points[mesh.triangles] for mesh in meshes])
+    expected = meet_every_triangle(corners, origin, direction)
+    nearest = expected.min(axis=1)
+    assert np.isfinite(nearest).sum() > 200
+    assert np.array_equal(t >= 0, np.isfinite(nearest))
+    met = t >= 0
+    assert np.allclose(t[met], nearest[met], rtol=1e-4, atol=1e-5)
+    one = corners[expected.argmin(axis=1)[met]].astype(np.float64)
+    expected_normal = np.cross(one[:, 1] - one[:, 0], one[:, 2] - one[:, 0])
+    expected_normal /= np.linalg.norm(expected_normal, axis=1, keepdims=True)
+    assert np.median(np.abs(normal[met] - expected_normal).max(axis=1)) < 1e-5
+
+
+def test_no_ray_leaves_a_closed_mesh_unseen():
+    """Two million rays from inside at corners and edges of triangles: a leak rate of 1.5e-6 would show at 95 %."""
+    n = 1_000_000
+    mesh = knot(14, 112, medium=0)
+    corners = mesh.points[mesh.triangles]
+    rng = np.random.default_rng(8)
+    target = corners[rng.integers(len(corners), size=n)]
+    on_edge = rng.random(n).astype(np.float32)[:, None]
+    aimed = {"corner": target[:, 0], "edge": target[:, 0] * on_edge + target[:, 1] * (1 - on_edge)}
+    # The tube's spine runs through the middle of each ring of 14 corners.
+    spine = mesh.points.reshape(112, 14, 3).mean(axis=1)
+    for points in aimed.values():
+        nearest = spine[np.argmin(((points[:2000, None] - spine) ** 2).sum(-1), axis=1)]
+        origin = np.repeat(nearest, n // 2000, axis=0).astype(np.float32)
+        towards = np.repeat(points[:2000], n // 2000, axis=0) - origin
+        origin = origin + towards * rng.uniform(0, 0.5, size=(n, 1)).astype(np.float32)
+        direction = np.repeat(points[:2000], n // 2000, axis=0) - origin
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        t, _ = meet_meshes([mesh], origin, direction, inside=1)
+        assert (t < 0).sum() == 0
+
+
+def test_a_boundary_is_met_from_the_side_that_the_path_is_on():
+    mesh = knot(14, 112, medium=0)
+    origin = np.tile([[0.0, 0.0, 8.0]], (50_000, 1))
+    direction = directions(50_000, 5) * 0.12 + np.array([0, 0, -1], dtype=np.float32)
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    entered, _ = meet_meshes([mesh], origin, direction, inside=0)
+    left, _ = meet_meshes([mesh], origin, direction, inside=1)
+    met = entered >= 0
+    assert np.array_equal(met, left >= 0)
+    assert met.sum() > 10_000
+    assert np.all(left[met] >= entered[met])
+
+
+def test_every_triangle_is_in_one_leaf_and_every_leaf_in_its_box():
+    corners = knot(70, 300, surface=Surface())
+    corners = corners.points[corners.triangles]
+    tree = build_wide_tree([corners[:100], corners[100:]])
+    found = tree.triangles.reshape(-1, 3, 3, 8).transpose(0, 3, 1, 2)
+    real = (found[:, :, 0] != found[:, :, 1]).any(axis=-1)
+    assert np.array_equal(np.unique(found[real].reshape(-1, 9), axis=0), np.unique(corners.reshape(-1, 9), axis=0))
+    assert real.sum() == len(corners)
+    boxes = tree.boxes.reshape(-1, 6, 8)
+    nodes, lanes = np.nonzero(tree.children < 0)
+    for node, lane in zip(nodes, lanes, strict=True):
+        leaf = -1 - tree.children[node, lane]
+        inside = found[leaf][real[leaf]]
+        if inside.size:
+            assert np.all(inside >= boxes[node, 0::2, lane])
+            assert np.all(inside <= boxes[node, 1::2, lane])
+
+
+def test_no_meshes_no_tree():
+    assert build_wide_tree([]).children.shape == (0, 8)
