@@ -1,4 +1,7 @@
-"""Builds the tree of `device/bvh.py`: top down, each node opened to eight children by the surface area heuristic."""
+"""Builds the tree of `device/bvh.py`: top down, each node opened to eight children by the surface area heuristic.
+
+Where that would make the tree deeper than a ray can keep track of, by count.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from fgf_warp.bvh_kernel import MAX_LEVELS, build_tree
-from fgf_warp.errors import SceneError
-
-LEAF = 8
-"""Triangles of a leaf, at most: one row."""
-POINT_AT_INFINITY = 3e38
+from fgf_warp.bvh_kernel import WIDTH, build_tree
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,10 +19,10 @@ class WideTree:
     """Arrays of the tree, on the host.
 
     Args:
-        boxes: (6 nodes, 8) float32.
-        children: (nodes, 8) int32.
-        triangles: (9 leaves, 8) float32.
-        owners: (leaves, 8) int32.
+        boxes: (6 nodes, 8) float32; an empty child's box is inside out.
+        children: (nodes, 8) int32, another node, or -1 - the index of a leaf.
+        triangles: (9 leaves, 8) float32; an empty place repeats one corner.
+        owners: (leaves, 8) int32, index of the triangle's mesh; -1 in an empty place.
     """
 
     boxes: np.ndarray
@@ -39,37 +37,33 @@ def build_wide_tree(corners: Sequence[np.ndarray]) -> WideTree:
     Args:
         corners: for each mesh its triangles' corners, (m, 3, 3) float32.
 
-    Raises:
-        SceneError: where the tree would be deeper than a ray can keep track of, which takes more than 2^30
-            triangles or a great many in one place.
+    Returns:
+        A tree of at most `MAX_LEVELS` levels, wherever the triangles lie.
     """
     if not corners:
-        return WideTree(*(np.zeros((0, 8), dtype) for dtype in (np.float32, np.int32, np.float32, np.int32)))
+        return WideTree(*(np.zeros((0, WIDTH), dtype) for dtype in (np.float32, np.int32, np.float32, np.int32)))
     all_corners = np.concatenate(corners)
     owner = np.repeat(np.arange(len(corners), dtype=np.int32), [len(c) for c in corners])
     count = len(all_corners)
 
     order = wp.array(np.arange(count, dtype=np.int32), dtype=int, device="cpu")
-    boxes = wp.empty(shape=(count + 1, 6, 8), dtype=float, device="cpu")
-    children = wp.zeros(shape=(count + 1, 8), dtype=int, device="cpu")
+    boxes = wp.empty(shape=(count + 1, 6, WIDTH), dtype=float, device="cpu")
+    children = wp.zeros(shape=(count + 1, WIDTH), dtype=int, device="cpu")
     leaves = wp.empty(shape=(count, 2), dtype=int, device="cpu")
-    sizes = wp.zeros(3, dtype=int, device="cpu")
+    sizes = wp.zeros(2, dtype=int, device="cpu")
     wp.launch(
         build_tree,
         dim=1,
         inputs=[
             wp.array(all_corners.min(axis=1), dtype=wp.vec3, device="cpu"),
             wp.array(all_corners.max(axis=1), dtype=wp.vec3, device="cpu"),
-            LEAF,
         ],
         outputs=[order, wp.empty(shape=(count + 1, 3), dtype=int, device="cpu"), boxes, children, leaves, sizes],
         device="cpu",
     )
-    node_count, leaf_count, levels = (int(size) for size in sizes.numpy())
-    if levels > MAX_LEVELS:
-        raise SceneError(f"the tree over {count} triangles has {levels} levels; accepted: at most {MAX_LEVELS}")
+    node_count, leaf_count = (int(size) for size in sizes.numpy())
     return WideTree(
-        boxes=boxes.numpy()[:node_count].reshape(-1, 8),
+        boxes=boxes.numpy()[:node_count].reshape(-1, WIDTH),
         children=children.numpy()[:node_count],
         **_fill_leaves(leaves.numpy()[:leaf_count], order.numpy(), all_corners, owner),
     )
@@ -78,13 +72,13 @@ def build_wide_tree(corners: Sequence[np.ndarray]) -> WideTree:
 def _fill_leaves(
     leaves: np.ndarray, order: np.ndarray, corners: np.ndarray, owner: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """The leaves' rows; what a leaf does not fill repeats one corner, a triangle that no ray meets."""
-    lane = np.arange(LEAF)
+    """The leaves' rows; what a leaf does not fill repeats one corner and has no owner."""
+    lane = np.arange(WIDTH)
     is_filled = lane < leaves[:, 1:]
     picked = order[np.where(is_filled, leaves[:, :1] + lane, leaves[:, :1])]
     rows = corners[picked]
     rows = np.where(is_filled[:, :, None, None], rows, rows[:, :, :1])
     return {
-        "triangles": np.ascontiguousarray(rows.transpose(0, 2, 3, 1)).reshape(-1, LEAF),
-        "owners": owner[picked],
+        "triangles": np.ascontiguousarray(rows.transpose(0, 2, 3, 1)).reshape(-1, WIDTH),
+        "owners": np.where(is_filled, owner[picked], -1).astype(np.int32),
     }

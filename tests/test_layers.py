@@ -20,7 +20,7 @@ ALLOWED = {
     "fgf_warp.device": (),
     "fgf_warp.integrator": ("fgf_warp.device", "fgf_warp.features", "fgf_warp.settings"),
     "fgf_warp.bvh_kernel": (),
-    "fgf_warp.bvh": ("fgf_warp.bvh_kernel", "fgf_warp.errors"),
+    "fgf_warp.bvh": ("fgf_warp.bvh_kernel",),
     "fgf_warp.upload": (
         "fgf_warp.bvh",
         "fgf_warp.device",

@@ -95,22 +95,97 @@ def test_a_boundary_is_met_from_the_side_that_the_path_is_on():
     assert np.all(left[met] >= entered[met])
 
 
+def depth_of(tree):
+    """Levels of nodes; children come after their parents."""
+    level = np.ones(len(tree.children), dtype=int)
+    for node, children in enumerate(tree.children):
+        level[children[children > 0]] = level[node] + 1
+    return level.max()
+
+
+def assert_whole(tree, corners):
+    """Every triangle is in one leaf, and every leaf in its box and those above it."""
+    found = tree.triangles.reshape(-1, 3, 3, 8).transpose(0, 3, 1, 2)
+    real = tree.owners >= 0
+    assert real.sum() == len(corners)
+    listed, given = (sorted(map(tuple, rows.reshape(-1, 9).tolist())) for rows in (found[real], corners))
+    assert listed == given
+    empty = found[~real]
+    assert np.all(empty == empty[:, :1])
+    boxes = tree.boxes.reshape(-1, 6, 8)
+    reached = np.zeros(len(found), dtype=int)
+
+    def visit(node, low, high):
+        for lane, child in enumerate(tree.children[node]):
+            box = boxes[node, :, lane]
+            if box[0] > box[1]:
+                continue
+            assert np.all(box[0::2] >= low)
+            assert np.all(box[1::2] <= high)
+            if child > 0:
+                visit(child, box[0::2], box[1::2])
+            else:
+                leaf = -1 - child
+                reached[leaf] += 1
+                inside = found[leaf][real[leaf]]
+                assert np.all(inside >= box[0::2])
+                assert np.all(inside <= box[1::2])
+
+    visit(0, np.full(3, -np.inf), np.full(3, np.inf))
+    assert np.all(reached == 1)
+    assert depth_of(tree) <= 13
+
+
 def test_every_triangle_is_in_one_leaf_and_every_leaf_in_its_box():
     corners = knot(70, 300, surface=Surface())
     corners = corners.points[corners.triangles]
     tree = build_wide_tree([corners[:100], corners[100:]])
-    found = tree.triangles.reshape(-1, 3, 3, 8).transpose(0, 3, 1, 2)
-    real = (found[:, :, 0] != found[:, :, 1]).any(axis=-1)
-    assert np.array_equal(np.unique(found[real].reshape(-1, 9), axis=0), np.unique(corners.reshape(-1, 9), axis=0))
-    assert real.sum() == len(corners)
-    boxes = tree.boxes.reshape(-1, 6, 8)
-    nodes, lanes = np.nonzero(tree.children < 0)
-    for node, lane in zip(nodes, lanes, strict=True):
-        leaf = -1 - tree.children[node, lane]
-        inside = found[leaf][real[leaf]]
-        if inside.size:
-            assert np.all(inside >= boxes[node, 0::2, lane])
-            assert np.all(inside <= boxes[node, 1::2, lane])
+    assert_whole(tree, corners)
+    assert np.bincount(tree.owners[tree.owners >= 0]).tolist() == [100, len(corners) - 100]
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 64, 65])
+def test_few_triangles(count):
+    corners = np.random.default_rng(count).normal(size=(count, 3, 3)).astype(np.float32)
+    tree = build_wide_tree([corners])
+    assert_whole(tree, corners)
+    assert len(tree.owners) == (1 if count <= 8 else pytest.approx(count / 5, abs=count / 5))
+
+
+UNIT = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=np.float64)
+
+
+@pytest.mark.parametrize("width", [1e-30, 1e-38, 1e-44])
+def test_triangles_nearer_to_each_other_than_the_inverse_of_a_float_can_tell(width):
+    at = np.random.default_rng(1).uniform(0, width, size=(100, 1, 3))
+    corners = (UNIT * width + at).astype(np.float32)
+    assert_whole(build_wide_tree([corners]), corners)
+
+
+@pytest.mark.parametrize("size", [1e19, 3e38])
+def test_triangles_whose_areas_or_extents_are_no_float(size):
+    corners = np.random.default_rng(1).uniform(-size, size, size=(3000, 3, 3)).astype(np.float32)
+    assert_whole(build_wide_tree([corners]), corners)
+
+
+@pytest.mark.parametrize("per_decade", [4, 400])
+def test_triangles_that_shrink_by_30_decades(per_decade):
+    """By area alone, a level takes a few decades off, or less, and 13 levels are too few."""
+    sizes = 10.0 ** -np.linspace(0, 30, 30 * per_decade)
+    corners = (UNIT * sizes[:, None, None] + [1, 1, 1] * sizes[:, None, None]).astype(np.float32)
+    assert_whole(build_wide_tree([corners]), corners)
+
+
+def test_triangles_in_one_place():
+    corners = np.repeat(UNIT[None].astype(np.float32), 5000, axis=0)
+    assert_whole(build_wide_tree([corners]), corners)
+
+
+def test_one_triangle_is_met():
+    mesh = Mesh("/one", UNIT.astype(np.float32), np.array([[0, 1, 2]]), Surface())
+    t, normal = meet_meshes([mesh], [[0.2, 0.2, 3.0], [0.8, 0.8, 3.0]], [[0, 0, -1.0], [0, 0, -1.0]])
+    assert t == pytest.approx([3.0, -1.0], rel=1e-6)
+    assert normal[0].tolist() == [0, 0, 1]
 
 
 def test_no_meshes_no_tree():
