@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -25,6 +26,11 @@ TRANSPORTS: tuple[Transport, ...] = ("reciprocal", "renewal")
 
 WHITE: Rgb = (1.0, 1.0, 1.0)
 BLACK: Rgb = (0.0, 0.0, 0.0)
+
+FLOAT32_MAX = float(np.finfo(np.float32).max)
+"""What is larger is not finite on the device."""
+CHANNEL_NAMES = ("red", "green", "blue")
+CUBE_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,12 +97,12 @@ class Medium:
         name: the material's prim path, for messages and labels.
         mean_extinction: sigma_m [1/stage unit], > 0 (0 is accepted for the classical exponential).
         albedo: single-scattering albedo per channel, in [0, 1].
-        asymmetry: Henyey-Greenstein g in (-1, 1), > 0 scatters forward.
+        asymmetry: Henyey-Greenstein g in (-1, 1), in float32 too; > 0 scatters forward.
         hurst: Hurst exponent H; -0.5 is white noise. Domain: section 3 of the theory, see `build_line_law`.
         white_noise_scale: S_w [stage unit^(-2-2H)], >= 0; 0 is the classical exponential.
         outer_scale: L [stage unit], > 0; needed where H > 0, not used elsewhere.
         kappa: authored directly, in [0, 1e8]; it then replaces the value that follows from S_w.
-        extinction_color: multiplies `mean_extinction` per channel, >= 0.
+        extinction_color: multiplies `mean_extinction` per channel, >= 0. A channel of factor 0 is empty space.
         transport: None chooses reciprocal where H >= -1/2 and renewal below.
         priority: of nested media, the one with the highest priority fills the space.
 
@@ -119,10 +125,18 @@ class Medium:
     def __post_init__(self) -> None:
         _check_color(self.name, "albedo", self.albedo, upper=1.0)
         _check_color(self.name, "extinction_color", self.extinction_color)
-        _check_range(self.name, "g", self.asymmetry, "in (-1, 1)", lambda g: -1 < g < 1)
+        _check_range(
+            self.name,
+            "g",
+            self.asymmetry,
+            "in (-1, 1), rounded to float32 too",
+            lambda g: -1 < g < 1 and abs(float(np.float32(g))) < 1,
+        )
         if self.transport not in (None, *TRANSPORTS):
             raise SceneError(f"{self.name}: transport = {self.transport!r}; accepted: {', '.join(TRANSPORTS)}")
-        _ = self.line_law, self.channel_laws
+        self._line_law(self.mean_extinction)
+        _check_range(self.name, "sigma_m", self.mean_extinction, ">= 0", lambda x: x >= 0)
+        self._check_channels()
         if self.transport == "reciprocal" and self.line_law.b < 0:
             raise SceneError(
                 f"{self.name}: transport = 'reciprocal' with H = {self.hurst:g}; accepted for H < -0.5: renewal only"
@@ -130,22 +144,35 @@ class Medium:
 
     @cached_property
     def line_law(self) -> LineLaw:
-        """Regime, b and kappa of this medium, at its mean extinction.
+        """Regime, b and kappa by which this medium is labelled.
 
-        Raises:
-            SceneError: where a parameter is out of the law's domain.
+        Where the channels are equal, it is the law in force: that of any channel, whose `LineLaw.mean_extinction`
+        is `mean_extinction` times the factor. A chromatic medium has no such single law; this is then the one at
+        `mean_extinction`, as for a white `extinction_color`.
         """
-        return self._line_law(self.mean_extinction)
+        return self._line_law(self.mean_extinction) if self.is_chromatic else self.channel_laws[0]
 
     @cached_property
     def channel_laws(self) -> tuple[LineLaw, LineLaw, LineLaw]:
-        """The line law of each channel: at its own extinction, so with its own kappa.
-
-        Raises:
-            SceneError: where a parameter is out of the law's domain.
-        """
-        red, green, blue = (self._line_law(self.mean_extinction * factor) for factor in self.extinction_color)
+        """The line law of each channel: at its own extinction, so with its own kappa, which is 0 in empty space."""
+        red, green, blue = (self._channel_law(factor) for factor in self.extinction_color)
         return red, green, blue
+
+    def _check_channels(self) -> None:
+        for channel, factor in zip(CHANNEL_NAMES, self.extinction_color, strict=True):
+            where = f"{self.name}: extinction_color = {_listed(self.extinction_color)}: in {channel}"
+            extinction = self.mean_extinction * factor
+            if extinction > FLOAT32_MAX:
+                raise SceneError(f"{where}, sigma_m = {extinction:g}; accepted: at most {FLOAT32_MAX:.3g}")
+            try:
+                self._channel_law(factor)
+            except SceneError as error:
+                raise SceneError(f"{where}, {str(error).removeprefix(f'{self.name}: ')}") from error
+
+    def _channel_law(self, factor: float) -> LineLaw:
+        if factor == 0:
+            return replace(self._line_law(self.mean_extinction), regime="exponential", kappa=0.0, mean_extinction=0.0)
+        return self._line_law(self.mean_extinction * factor)
 
     def _line_law(self, mean_extinction: float) -> LineLaw:
         try:
@@ -234,7 +261,7 @@ class Mesh:
     medium: int | None = None
 
     def __post_init__(self) -> None:
-        if self.points.ndim != 2 or self.points.shape[1] != 3 or not np.isfinite(self.points).all():
+        if self.points.ndim != 2 or self.points.shape[1] != 3 or not _is_finite(self.points):
             raise SceneError(f"{self.name}: points must be a finite (n, 3) array")
         if self.triangles.ndim != 2 or self.triangles.shape[1] != 3 or not len(self.triangles):
             raise SceneError(f"{self.name}: the mesh has no triangles")
@@ -312,6 +339,8 @@ class AreaLight:
 
     def __post_init__(self) -> None:
         _check_color(self.name, "radiance", self.radiance)
+        for key in ("center", "half_u", "half_v"):
+            _check_vector(self.name, key, getattr(self, key))
         _check_range(self.name, "area", self.area, "> 0", lambda x: x > 0)
 
     @property
@@ -339,6 +368,7 @@ class SphereLight:
 
     def __post_init__(self) -> None:
         _check_color(self.name, "radiance", self.radiance)
+        _check_vector(self.name, "center", self.center)
         _check_range(self.name, "radius", self.radius, "> 0", lambda x: x > 0)
 
 
@@ -387,9 +417,23 @@ class Scene:
         asked = f"no medium {name!r}" if name else "the medium must be named"
         raise SceneError(f"{self.source or 'scene'}: {asked}; it has: {', '.join(names) or 'none'}")
 
+    def medium_extent(self, index: int) -> float | None:
+        """The longest side of the bounding boxes of the shapes that a medium fills [stage unit]; None of none."""
+        extents = (high - low for low, high in (shape_bounds(s) for s in self.shapes if s.medium == index))
+        return max((float(extent.max()) for extent in extents), default=None)
+
     def with_medium(self, index: int, medium: Medium) -> Scene:
         """The same scene with one medium replaced."""
         return replace(self, media=(*self.media[:index], medium, *self.media[index + 1 :]))
+
+
+def shape_bounds(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corner, (3,) each, of a box that holds the shape; not tight for a turned round solid."""
+    if isinstance(shape, Solid):
+        points = CUBE_CORNERS @ shape.object_to_world[:3, :3].T + shape.object_to_world[:3, 3]
+    else:
+        points = shape.points[np.unique(shape.triangles)]
+    return points.min(axis=0), points.max(axis=0)
 
 
 def count_open_edges(points: np.ndarray, triangles: np.ndarray) -> int:
@@ -418,19 +462,42 @@ def count_open_edges(points: np.ndarray, triangles: np.ndarray) -> int:
 
 def _check_range(name: str, key: str, value: float, accepted: str, holds: Callable[[float], bool]) -> None:
     if not math.isfinite(value) or not holds(value):
-        raise SceneError(f"{name}: {key} = {value:g}; accepted: {accepted}")
+        raise SceneError(f"{name}: {key} = {_shown(value)}; accepted: {accepted}")
+    if abs(value) > FLOAT32_MAX:
+        raise SceneError(
+            f"{name}: {key} = {_shown(value)}; accepted: {accepted}, and at most {FLOAT32_MAX:.3g} in size"
+        )
 
 
-def _check_color(name: str, key: str, color: Sequence[float], upper: float = math.inf) -> None:
-    accepted = "three finite numbers >= 0" if math.isinf(upper) else f"three numbers in [0, {upper:g}]"
-    if len(color) != 3 or not all(math.isfinite(c) and 0 <= c <= upper for c in color):
+def _check_color(name: str, key: str, color: Sequence[float], upper: float = FLOAT32_MAX) -> None:
+    unbounded = f"three finite numbers >= 0, at most {FLOAT32_MAX:.3g}"
+    accepted = unbounded if upper == FLOAT32_MAX else f"three numbers in [0, {upper:g}]"
+    if len(color) != 3 or not all(0 <= c <= upper for c in color):
         raise SceneError(f"{name}: {key} = {_listed(color)}; accepted: {accepted}")
 
 
+def _check_vector(name: str, key: str, vector: Vec3) -> None:
+    if len(vector) != 3 or not all(abs(x) <= FLOAT32_MAX for x in vector):
+        raise SceneError(
+            f"{name}: {key} = {_listed(vector)}; accepted: three finite numbers, at most {FLOAT32_MAX:.3g}"
+        )
+
+
 def _check_matrix(name: str, key: str, matrix: np.ndarray) -> None:
-    if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or np.linalg.det(matrix[:3, :3]) == 0:
+    if matrix.shape != (4, 4) or not _is_finite(matrix) or np.linalg.det(matrix[:3, :3]) == 0:
         raise SceneError(f"{name}: {key} must be a finite, invertible 4x4 matrix")
+
+
+def _is_finite(values: np.ndarray) -> bool:
+    """True where all values are finite as float32."""
+    return bool(np.all(np.abs(values) <= FLOAT32_MAX))
 
 
 def _listed(values: Iterable[float]) -> str:
     return "(" + ", ".join(f"{value:g}" for value in values) + ")"
+
+
+def _shown(value: float) -> str:
+    """Short where that is the value; in full where the rounding would hide what is wrong."""
+    short = f"{value:g}"
+    return short if float(short) == value or not math.isfinite(value) else repr(float(value))

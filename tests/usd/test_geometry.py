@@ -7,8 +7,8 @@ import pytest
 from pxr import Usd, UsdGeom
 
 from fgf_warp.errors import SceneError
+from fgf_warp.scene import shape_bounds
 from usd_scenes.reader import read_stage
-from usd_scenes.reader.bounds import shape_bounds
 from usd_scenes.reader.triangulation import signed_volume, triangulate
 
 MIRROR = """double3 xformOp:translate = (5, 0, 0)

@@ -12,11 +12,11 @@ import pytest
 from pxr import Gf, Usd, UsdGeom
 
 from fgf_warp.errors import FgfError, SceneError, UnsupportedFeatureError
-from fgf_warp.scene import count_open_edges
+from fgf_warp.scene import count_open_edges, shape_bounds
 from tests.usd.prims import CAMERA, HEADER
 from usd_scenes.library import STAGES, stage_names, stage_path, trefoil_tube
 from usd_scenes.reader import read_scene, read_stage
-from usd_scenes.reader.bounds import scene_bounds, shape_bounds
+from usd_scenes.reader.bounds import scene_bounds
 from usd_scenes.reader.triangulation import signed_volume, triangulate
 
 ASSETS = Path(__file__).parents[3] / "shared" / "usd_assets"

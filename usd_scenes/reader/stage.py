@@ -12,7 +12,6 @@ from pxr import Tf, Usd, UsdGeom, UsdShade, UsdSkel
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import Light, Scene, Shape
 from usd_scenes import schema
-from usd_scenes.reader.bounds import longest_side
 from usd_scenes.reader.camera import choose_camera, default_camera, read_camera
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.diagnostics import (
@@ -106,7 +105,6 @@ def _read(
         context.notes.add("no camera: the view is from the front and holds everything")
     if not lights:
         context.notes.add("no light: an environment of radiance 1 is used")
-    _note_law_warnings(context, materials, shapes)
     scene = Scene(
         camera=read_camera(camera_prim, context) if camera_prim else default_camera(shapes, context.up_axis),
         shapes=tuple(shapes),
@@ -115,6 +113,7 @@ def _read(
         meters_per_unit=_meters_per_unit(stage),
         source=source,
     )
+    _note_law_warnings(context, scene)
     note_warnings(trap, context.notes)
     return StageReading(scene=scene, resolution=settings.resolution, warnings=context.notes.texts())
 
@@ -165,10 +164,10 @@ def _note_misplaced(prim: Usd.Prim, context: StageContext) -> None:
         context.notes.add("skinning is not supported: the rest pose is rendered", prim.GetPath())
 
 
-def _note_law_warnings(context: StageContext, materials: MaterialReader, shapes: Sequence[Shape]) -> None:
-    for index, medium in enumerate(materials.media):
-        lengths = [longest_side(shape) for shape in shapes if shape.medium == index]
-        for text in medium.line_law.warnings(lengths=[max(lengths)] if lengths else []):
+def _note_law_warnings(context: StageContext, scene: Scene) -> None:
+    for index, medium in enumerate(scene.media):
+        extent = scene.medium_extent(index)
+        for text in medium.line_law.warnings(lengths=[] if extent is None else [extent]):
             context.notes.add(f"{medium.name}: {text}")
 
 

@@ -1,0 +1,94 @@
+"""What a scene's values may be: checked where they are made, in the precision that they are rendered in."""
+
+import numpy as np
+import pytest
+
+from fgf_warp.errors import SceneError
+from fgf_warp.scene import AreaLight, Camera, DomeLight, Medium, Mesh, Scene, Solid, SphereLight
+from tests.scenes import furnace, transform
+
+CORRELATED = {"hurst": -0.25, "white_noise_scale": 1.0}
+
+
+def medium(**parameters):
+    return Medium(**{"name": "/m", "mean_extinction": 2.0, **parameters})
+
+
+def test_a_channel_of_factor_zero_is_empty_space():
+    found = medium(**CORRELATED, extinction_color=(1, 0, 0.5))
+    red, green, blue = found.channel_laws
+    assert (green.regime, green.kappa, green.mean_extinction, green.is_exponential) == ("exponential", 0.0, 0.0, True)
+    assert red == medium(**CORRELATED).line_law
+    assert blue == medium(**CORRELATED, mean_extinction=1.0).line_law
+    assert medium(**CORRELATED, extinction_color=(0, 0, 0)).line_law.kappa == 0
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"extinction_color": (1, 1e-9, 1)}, r"/m: extinction_color = \(1, 1e-09, 1\): in green, kappa \(from"),
+        ({"mean_extinction": 0.0}, "/m: sigma_m = 0; accepted: > 0"),
+        ({"mean_extinction": -1.0, "extinction_color": (0, 0, 0)}, "/m: sigma_m = -1; accepted: > 0"),
+        ({"mean_extinction": 1e-9}, r"/m: kappa \(from"),
+        ({"extinction_color": (1, 1, -1)}, r"/m: extinction_color = \(1, 1, -1\); accepted: three finite numbers >= 0"),
+        ({"extinction_color": (1, 1, 1e38), "mean_extinction": 9.0}, "extinction_color = .*: in blue, sigma_m = 9e.38"),
+    ],
+)
+def test_errors_name_what_was_authored(parameters, message):
+    with pytest.raises(SceneError, match=message):
+        medium(**CORRELATED, **parameters)
+
+
+def test_a_grey_mediums_law_is_the_one_in_force():
+    grey = medium(**CORRELATED, extinction_color=(0.5, 0.5, 0.5))
+    assert grey.line_law == medium(**CORRELATED, mean_extinction=1.0).line_law
+    assert set(grey.channel_laws) == {grey.line_law}
+    chromatic = medium(**CORRELATED, extinction_color=(0.5, 0.5, 0.6))
+    assert chromatic.line_law == medium(**CORRELATED).line_law
+
+
+def test_asymmetry_is_inside_its_range_in_float32_too():
+    inside = float(np.nextafter(np.float32(1), np.float32(0)))
+    assert medium(asymmetry=inside).asymmetry == inside
+    for g in (1 - 1e-9, -1 + 1e-9):
+        with pytest.raises(SceneError, match=rf"/m: g = {g!r}; accepted: in \(-1, 1\), rounded to float32"):
+            medium(asymmetry=g)
+
+
+HUGE = 1e39
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: medium(mean_extinction=HUGE), "/m: sigma_m = 1e.39; accepted: .* at most 3.4e.38"),
+        (lambda: medium(extinction_color=(HUGE, 1, 1)), "/m: extinction_color = .* 3.4e.38"),
+        (lambda: DomeLight("/sky", (HUGE, 1, 1)), "/sky: radiance = .* 3.4e.38"),
+        (lambda: SphereLight("/sun", (0, 0, HUGE), 1.0, (1, 1, 1)), "/sun: center = .* 3.4e.38"),
+        (lambda: SphereLight("/sun", (0, 0, 0), HUGE, (1, 1, 1)), "/sun: radius = 1e.39; accepted: > 0, .* 3.4e.38"),
+        (
+            lambda: AreaLight("/sun", "rect", (0, HUGE, 0), (1, 0, 0), (0, 1, 0), (1, 1, 1)),
+            "/sun: center = .* 3.4e.38",
+        ),
+        (lambda: Solid("/cube", "cube", transform(HUGE)), "/cube: object_to_world must be a finite"),
+        (lambda: Camera("/camera", transform(at=(HUGE, 0, 0))), "/camera: camera_to_world must be a finite"),
+        (lambda: Mesh("/mesh", np.full((3, 3), HUGE), np.array([[0, 1, 2]])), "/mesh: points must be a finite"),
+    ],
+)
+def test_what_is_not_finite_in_float32_is_refused(make, message):
+    with pytest.raises(SceneError, match=message):
+        make()
+
+
+def test_medium_extent_is_the_longest_side_of_what_it_fills():
+    media = (medium(), medium(name="/n"), medium(name="/o"))
+    points = np.array([[0, 0, 0], [0, 0, 5], [0, 1, 0], [1, 0, 0]], dtype=np.float32)
+    faces = np.array([[0, 2, 3], [0, 1, 2], [0, 3, 1], [1, 3, 2]])
+    shapes = (
+        Solid("/a", "cube", transform((1, 2, 1)), medium=0),
+        Solid("/b", "cube", transform((9, 1, 1))),
+        Mesh("/c", points, faces, medium=1),
+        Mesh("/d", points / 2, faces, medium=1),
+    )
+    scene = Scene(furnace().camera, shapes, media)
+    assert [scene.medium_extent(index) for index in range(3)] == [4.0, 5.0, None]
