@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -37,7 +38,7 @@ class RenderSettings:
         max_depth: bound on the number of scattering events of a path, >= 1. Paths that reach it are cut,
             counted and reported.
         roulette_depth: number of scattering events after which Russian roulette may end a path, >= 0.
-        aovs: what to write beside radiance and alpha.
+        aovs: what to write beside radiance and alpha; a set, of `Aov` or their names.
         device: a Warp device name, ``cpu`` or ``cuda:0``.
         threads: CPU threads of one render, >= 1; None takes every core. It never changes a pixel.
 
@@ -65,10 +66,20 @@ class RenderSettings:
             ("roulette_depth", 0, 2**24),
         ):
             value = getattr(self, key)
-            if not isinstance(value, int) or not lower <= value <= upper:
+            if not _is_integer(value) or not lower <= value <= upper:
                 raise ConfigError(f"{key} = {value!r}; accepted: an integer in [{lower}, {upper}]")
-        if self.threads is not None and self.threads < 1:
-            raise ConfigError(f"threads = {self.threads}; accepted: an integer >= 1")
+        if self.threads is not None and (not _is_integer(self.threads) or self.threads < 1):
+            raise ConfigError(f"threads = {self.threads!r}; accepted: an integer >= 1, or None")
+        if not isinstance(self.device, str):
+            raise ConfigError(f"device = {self.device!r}; accepted: a name, such as 'cpu'")
+        if not isinstance(self.aovs, Set) or not self.aovs <= set(Aov):
+            raise ConfigError(f"aovs = {self.aovs!r}; accepted: a set of {', '.join(Aov)}")
+        # Hashable, and of the type, whatever set was given.
+        object.__setattr__(self, "aovs", frozenset(Aov(name) for name in self.aovs))
+
+
+def _is_integer(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
 
 
 @dataclass(frozen=True)
