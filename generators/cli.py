@@ -88,7 +88,8 @@ def render(
     stage: Annotated[Path, typer.Argument(metavar="STAGE", help="The USD file.")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT.exr", help="The image to write.")],
     camera: Annotated[
-        str | None, typer.Option("--camera", "-cam", metavar="PATH", help="Camera prim; default: the only one.")
+        str | None,
+        typer.Option("--camera", "-cam", metavar="PATH", help="Camera; default: the render settings', or the first."),
     ] = None,
     width: Annotated[
         int | None, typer.Option("--imageWidth", "-w", metavar="N", help="[pixel]; default: as the stage says, or 960.")
@@ -101,7 +102,8 @@ def render(
     seed: Annotated[int, typer.Option(metavar="N", help="Equal seeds give equal pixels.")] = 0,
     device: Device = "cpu",
     frame: Annotated[
-        float | None, typer.Option("--frame", "-f", metavar="F", help="Time code; default: the default values.")
+        float | None,
+        typer.Option("--frame", "-f", metavar="F", help="Time code; default: the stage's start, or the earliest."),
     ] = None,
     purposes: Annotated[
         str, typer.Option(metavar="LIST", help="Purposes of the geometry to include, with commas.")
@@ -205,7 +207,7 @@ def generate(
             if not progress.tasks:
                 raise  # the folder itself is not accepted
             _fail(str(error), EXIT_PARTIAL)
-    _print_report(report, folder / run.CONTACT_SHEET)
+    _print_report(report, folder / run.CONTACT_SHEET, plan.settings.max_depth)
     if not report.is_complete:
         raise typer.Exit(EXIT_PARTIAL)
 
@@ -276,6 +278,7 @@ def law(
     """  # noqa: D301
     import json  # noqa: PLC0415
 
+    from fgf_warp.theory.law import REGIME_NAMES  # noqa: PLC0415
     from generators.law import evaluate_law  # noqa: PLC0415
 
     found = evaluate_law(
@@ -290,7 +293,7 @@ def law(
         typer.echo(json.dumps(found, indent=1, allow_nan=False))
         return
     mean_free_path = "infinite" if found["mean_free_path"] is None else f"{found['mean_free_path']:.6g}"
-    typer.echo(f"regime          {found['regime']}")
+    typer.echo(f"regime          {REGIME_NAMES[found['regime']]}")
     typer.echo(f"b               {found['b']:.6g}")
     typer.echo(f"kappa           {found['kappa']:.6g}")
     typer.echo(f"mean free path  {mean_free_path}")
@@ -360,9 +363,11 @@ def _plan(path: Path, overrides: list[str] | None, device: str) -> tuple[LoadedC
 
 def _sample_warnings(made: Plan) -> list[str]:
     """Of the laws of the samples: each once, and no more of them than one reads."""
+    extent = made.scene.medium_extent(made.medium_index)
+    lengths = [] if extent is None else [extent]
     first: dict[str, int] = {}
     for sample in made.samples:
-        for warning in sample.medium.line_law.warnings():
+        for warning in sample.medium.line_law.warnings(lengths):
             first.setdefault(warning, sample.index)
     shown = [f"sample {index}: {warning}" for warning, index in first.items()]
     if len(shown) > WARNINGS_SHOWN:
@@ -412,7 +417,7 @@ def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
         typer.echo(f"wrote {file}")
 
 
-def _print_report(report: Report, contact_sheet: Path) -> None:
+def _print_report(report: Report, contact_sheet: Path, max_depth: int) -> None:
     for index, reason in report.failures:
         typer.echo(f"error: sample {index}: {reason}", err=True)
     rendered = report.finished - report.reused
@@ -420,6 +425,15 @@ def _print_report(report: Report, contact_sheet: Path) -> None:
     typer.echo(f"{rendered} of {report.total} samples rendered{reused}, in {report.seconds:.1f} s")
     typer.echo(f"dataset        {report.folder}")
     typer.echo(f"contact sheet  {contact_sheet}")
+    if report.truncated_paths:
+        share = report.truncated_samples / report.finished
+        _warn(
+            [
+                f"{report.truncated_paths} paths in {report.truncated_samples} of {report.finished} samples "
+                f"({share:.2g} of all) were cut after {max_depth} scattering events, so their images are a little "
+                "too dark; the labels' column truncated says which, and a higher preset cuts later"
+            ]
+        )
     if report.interrupted:
         typer.echo(f"stopped at {report.finished} of {report.total}; the same command goes on from here", err=True)
 
@@ -463,10 +477,12 @@ def _print_scene(scene: Scene, width: int, height: int) -> None:
 
 
 def _describe(medium: Medium) -> str:
+    from fgf_warp.theory.law import REGIME_NAMES  # noqa: PLC0415
+
     rule = medium.line_law
     return (
         f"H = {medium.hurst:g}, g = {medium.asymmetry:g}, S_w = {medium.white_noise_scale:g}, "
-        f"sigma_m = {medium.mean_extinction:g}; {rule.regime}, b = {rule.b:.4g}, kappa = {rule.kappa:.4g}, "
+        f"sigma_m = {rule.mean_extinction:g}; {REGIME_NAMES[rule.regime]}, b = {rule.b:.4g}, kappa = {rule.kappa:.4g}, "
         f"{medium.resolved_transport} transport"
     )
 

@@ -43,6 +43,8 @@ RANDOM_FORMS = ("uniform", "loguniform")
 AXIS_FORMS = ("values", "linspace", "logspace", *RANDOM_FORMS)
 SPACING_DIGITS = 12
 """Of spaced values: far below what a picture shows, far above the rounding of the spacing."""
+EXPOSURE_MAX = 32.0
+"""[stop], either way: far beyond what a picture needs, and far from where 2^x is no float."""
 
 Count = Annotated[int, Field(ge=1)]
 # A YAML sequence is a list; not being strict about the sequence leaves its items strict.
@@ -97,7 +99,10 @@ class AxisConfig(_Model):
         if self.values is not None:
             return tuple(float(value) for value in self.values)
         if self.linspace is not None:
-            return _rounded(self.linspace, np.linspace(*self.linspace))
+            # Near zero the rounding left by the spacing is relative to the span, not to the value.
+            values = np.linspace(*self.linspace)
+            negligible = 1e-12 * abs(self.linspace[1] - self.linspace[0])
+            return _rounded(self.linspace, np.where(np.abs(values) < negligible, 0.0, values))
         assert self.logspace is not None
         return _rounded(self.logspace, np.geomspace(*self.logspace))
 
@@ -124,8 +129,9 @@ class SweepConfig(_Model):
     Args:
         name: of the dataset; the title of its contact sheet.
         scene: the USD stage, relative to the config file.
-        camera: prim path; needed where the stage has several.
-        frame: time code of the stage.
+        camera: prim path or name; where absent, the render settings' camera, else the stage's first, with a
+            warning where it has several, else a view from the front.
+        frame: time code; where absent, the stage's startTimeCode, else each attribute's earliest sample.
         medium: prim path of the material to sweep; needed where the stage has several media.
         seed: of the dataset, in [0, 2^64); every sample's seed and random values follow from it.
         image: size of the images.
@@ -133,7 +139,7 @@ class SweepConfig(_Model):
         preset: one of `fgf_warp.settings.PRESETS`.
         aovs: planes to write beside radiance and alpha, see `fgf_warp.settings.Aov`.
         png: whether to write a PNG beside each EXR.
-        exposure: of the PNGs and the contact sheet [stop].
+        exposure: of the PNGs and the contact sheet [stop], in [-32, 32].
         transport: in place of the one that the medium asks for.
         axes: what to sweep; the last axis varies fastest.
         draws: samples per cell of the grid, >= 1.
@@ -151,7 +157,7 @@ class SweepConfig(_Model):
     preset: Literal["preview", "balanced", "reference"] = "balanced"
     aovs: list[Literal["depth", "variance", "transmittance", "albedo", "samples"]] = []
     png: bool = True
-    exposure: float = 0.0
+    exposure: Annotated[float, Field(ge=-EXPOSURE_MAX, le=EXPOSURE_MAX)] = 0.0
     transport: Literal["reciprocal", "renewal"] | None = None
     axes: dict[AxisParameter, AxisConfig] = {}
     draws: Count = 1
@@ -358,9 +364,6 @@ def _shown(value: Any) -> str:
 def _rounded(spacing: tuple[float, float, int], values: np.ndarray) -> tuple[float, ...]:
     """Spaced values at 12 digits; the ends as they were written."""
     inner = [float(f"{value:.{SPACING_DIGITS}g}") for value in values]
-    # Near zero the rounding left by the spacing is relative to the span, not to the value.
-    span = abs(spacing[1] - spacing[0])
-    inner = [0.0 if abs(value) < 1e-12 * span else value for value in inner]
     inner[0] = float(spacing[0])
     if len(inner) > 1:
         inner[-1] = float(spacing[1])

@@ -31,14 +31,17 @@ SCHEMA = pa.schema(
         pa.field("spp", pa.int64(), nullable=False),
         pa.field("render_seconds", pa.float64(), nullable=False),
         pa.field("standard_error", pa.float64(), nullable=False),
+        pa.field("truncated", pa.int64(), nullable=False),
         pa.field("exr", pa.string(), nullable=False),
         pa.field("png", pa.string()),
     ]
 )
 """Of ``index.parquet``. Short names and units as in the configs; one flat column per number, since those load
 everywhere. ``S_w`` is null where kappa was authored in its place, ``L`` where there is none, ``png`` where none was
-asked for. ``kappa`` and ``b`` are those in force. ``standard_error`` is the mean relative standard error of the
-image's pixels. Only ``render_seconds`` differs between two runs of one plan."""
+asked for. ``sigma_m``, ``kappa`` and ``b`` are those in force: a grey extinction color is a factor of ``sigma_m``; of
+a chromatic medium, whose channels differ in them, they are the ones before the color. ``standard_error`` is the mean
+relative standard error of the image's pixels, ``truncated`` the number of paths cut at the bound on their length.
+Only ``render_seconds`` differs between two runs of one plan."""
 
 
 @dataclass(frozen=True)
@@ -49,11 +52,13 @@ class Record:
         sample: as planned.
         render_seconds: wall time of the render [s].
         standard_error: mean relative standard error of the pixels.
+        truncated: paths cut at the bound on their length.
     """
 
     sample: Sample
     render_seconds: float
     standard_error: float
+    truncated: int
 
 
 def exr_name(sample: Sample) -> str:
@@ -85,7 +90,7 @@ def _row(plan: Plan, record: Record) -> dict[str, object]:
         "H": medium.hurst,
         "g": medium.asymmetry,
         "S_w": medium.white_noise_scale if medium.kappa is None else None,
-        "sigma_m": medium.mean_extinction,
+        "sigma_m": medium.line_law.mean_extinction,
         "albedo_r": medium.albedo[0],
         "albedo_g": medium.albedo[1],
         "albedo_b": medium.albedo[2],
@@ -98,6 +103,7 @@ def _row(plan: Plan, record: Record) -> dict[str, object]:
         "spp": plan.settings.spp,
         "render_seconds": record.render_seconds,
         "standard_error": record.standard_error,
+        "truncated": record.truncated,
         "exr": exr_name(sample),
         "png": png_name(sample) if plan.png else None,
     }

@@ -129,8 +129,7 @@ def build_plan(config: SweepConfig, scene: Scene, width: int, height: int, devic
     scene = replace(scene, source=Path(config.scene).name)
     medium_index = scene.medium_index(config.medium)
     base = scene.media[medium_index]
-    if config.transport is not None:
-        base = _with_parameters(base, {}, transport=config.transport)
+    others: dict[str, Any] = {} if config.transport is None else {"transport": config.transport}
     _check_axes(config, base)
     settings = config.render_settings(width, height, device)
     grid = tuple(GridAxis(name, axis.grid_values()) for name, axis in config.axes.items() if not axis.is_random)
@@ -143,7 +142,7 @@ def build_plan(config: SweepConfig, scene: Scene, width: int, height: int, devic
             for name, axis in config.axes.items()
         }
         try:
-            medium = _with_parameters(base, parameters)
+            medium = _with_parameters(base, parameters, **others)
         except SceneError as error:
             raise ConfigError(f"sample {index}: {error}") from error
         samples.append(Sample(index, parameters, medium, sample_seed(config.seed, index)))

@@ -6,6 +6,7 @@ A dataset's folder holds::
     images/000000.exr   and .png where asked for
     contact_sheet.png
     config.yaml         the config in force
+    run/lock            held by the run that is under way
     run/plan.json       whose digest says which plan the folder belongs to
     run/000000.json     written last of a sample's files: where it is there, the sample is whole
 
@@ -30,12 +31,14 @@ from fgf_warp.output.color import write_png
 from fgf_warp.output.exr import write_exr
 from generators.config import LoadedConfig
 from generators.contact_sheet import write_contact_sheet
+from generators.lock import exclusive
 from generators.manifest import Record, exr_name, png_name, write_manifest
 from generators.plan import Plan, Sample
 
 CONTACT_SHEET = "contact_sheet.png"
 INDEX = "index.parquet"
 PLAN_RECORD = "run/plan.json"
+LOCK = "run/lock"
 
 Progress = Callable[[int, int], None]
 """Called with the number of finished samples, those of earlier runs included, and of all."""
@@ -51,6 +54,8 @@ class Report:
         finished: samples that are there now.
         reused: of these, from earlier runs.
         failures: index and reason of each sample that could not be rendered.
+        truncated_paths: cut at the bound on their length, of the finished samples.
+        truncated_samples: finished samples that have such paths.
         interrupted: whether the user stopped the run.
         seconds: wall time.
     """
@@ -60,6 +65,8 @@ class Report:
     finished: int
     reused: int
     failures: tuple[tuple[int, str], ...]
+    truncated_paths: int
+    truncated_samples: int
     interrupted: bool
     seconds: float
 
@@ -86,12 +93,21 @@ def generate(
         progress: see `Progress`.
 
     Raises:
-        ConfigError: where the folder holds something else, or for a number of workers below 1.
+        ConfigError: where the folder holds something else or another run is under way in it, or for a number of
+            workers below 1.
         OutputError: where a file cannot be written. What is finished stays.
         CorruptFileError: where a record or an image in the folder cannot be read.
     """
     started = time.perf_counter()
     worker_count = _worker_count(plan, workers)
+    _make_folder(plan, folder)
+    with exclusive(folder / LOCK):
+        return _generate(plan, loaded, folder, worker_count, progress, started)
+
+
+def _generate(
+    plan: Plan, loaded: LoadedConfig, folder: Path, workers: int, progress: Progress | None, started: float
+) -> Report:
     _open_folder(plan, loaded, folder)
     records = {sample.index: record for sample in plan.samples if (record := _read_record(plan, folder, sample))}
     reused = len(records)
@@ -108,7 +124,7 @@ def generate(
 
     if progress:
         progress(reused, len(plan.samples))
-    interrupted = _render_all(plan, folder, pending, worker_count, on_finished)
+    interrupted = _render_all(plan, folder, pending, workers, on_finished)
     write_manifest(folder / INDEX, plan, records.values())
     write_contact_sheet(folder / CONTACT_SHEET, plan, folder)
     return Report(
@@ -117,6 +133,8 @@ def generate(
         finished=len(records),
         reused=reused,
         failures=tuple(sorted(failures)),
+        truncated_paths=sum(record.truncated for record in records.values()),
+        truncated_samples=sum(record.truncated > 0 for record in records.values()),
         interrupted=interrupted,
         seconds=time.perf_counter() - started,
     )
@@ -130,15 +148,21 @@ def _worker_count(plan: Plan, workers: int | None) -> int:
     return workers
 
 
-def _open_folder(plan: Plan, loaded: LoadedConfig, folder: Path) -> None:
-    """Makes the folder this plan's, or sees that it is."""
+def _make_folder(plan: Plan, folder: Path) -> None:
+    """Makes the folder, and leaves one that is not this plan's as it is."""
     try:
-        if folder.exists():
+        # A folder that has a lock is looked at under the lock.
+        if folder.exists() and not (folder / LOCK).exists():
             _refuse_other_content(plan, folder)
         for name in ("run", "images"):
             (folder / name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be made the dataset's folder: {error.strerror}") from error
+
+
+def _open_folder(plan: Plan, loaded: LoadedConfig, folder: Path) -> None:
+    """Makes the folder this plan's; another run may have come first, before the lock."""
+    _refuse_other_content(plan, folder)
     for inside in (folder, folder / "images", folder / "run"):
         sweep_partial(inside)
         check_writable(inside / "probe")
@@ -150,7 +174,7 @@ def _open_folder(plan: Plan, loaded: LoadedConfig, folder: Path) -> None:
 def _refuse_other_content(plan: Plan, folder: Path) -> None:
     record = folder / PLAN_RECORD
     if not record.exists():
-        if any(not entry.is_dir() for entry in folder.rglob("*")):
+        if any(not entry.is_dir() and entry != folder / LOCK for entry in folder.rglob("*")):
             raise ConfigError(f"{folder}: is not empty and holds no dataset; choose another folder with --out")
         return
     if _read_json(record).get("plan") != plan.digest:
@@ -215,7 +239,7 @@ def _render_sample(plan: Plan, folder: Path, sample: Sample, threads: int | None
     write_exr(folder / exr_name(sample), replace(result, provenance={**result.provenance, "dataset": dataset}))
     if plan.png:
         write_png(folder / png_name(sample), result, plan.exposure)
-    record = Record(sample, result.seconds, result.relative_standard_error)
+    record = Record(sample, result.seconds, result.relative_standard_error, result.truncated_count)
     _write_record(plan, folder, record)
     return record
 
@@ -230,6 +254,7 @@ def _write_record(plan: Plan, folder: Path, record: Record) -> None:
         "index": record.sample.index,
         "render_seconds": record.render_seconds,
         "standard_error": record.standard_error,
+        "truncated": record.truncated,
     }
     write_bytes(_record_path(folder, record.sample), json.dumps(content).encode())
 
@@ -244,7 +269,9 @@ def _read_record(plan: Plan, folder: Path, sample: Sample) -> Record | None:
     if content.get("plan") != plan.digest:
         return None
     try:
-        return Record(sample, float(content["render_seconds"]), float(content["standard_error"]))
+        return Record(
+            sample, float(content["render_seconds"]), float(content["standard_error"]), int(content["truncated"])
+        )
     except (KeyError, TypeError, ValueError) as error:
         raise _corrupt(path) from error
 

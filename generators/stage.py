@@ -44,8 +44,9 @@ def load_scene(
 
     Args:
         path: of the stage.
-        camera: prim path; None takes the only one.
-        frame: time code; None takes the default values.
+        camera: prim path or name; None takes the render settings', else the first (with a warning where there are
+            several), else a view from the front.
+        frame: time code; None takes the stage's startTimeCode, else each attribute's earliest sample.
         purposes: of the geometry to include.
         width: [pixel]; see `image_size`.
         height: [pixel].

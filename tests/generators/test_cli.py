@@ -54,7 +54,7 @@ def test_law_prints_json_in_full_precision():
 def test_law_prints_a_table():
     outcome = fgf("law", "--H", "-0.25", "--S_w", "1", "--sigma_m", "2")
     assert outcome.exit_code == 0
-    assert "regime          pink" in outcome.stdout
+    assert "regime          pink noise" in outcome.stdout
     assert len(outcome.stdout.splitlines()) == 6 + 9
 
 
@@ -155,6 +155,30 @@ def test_generate_makes_a_dataset(tmp_path, config_path, fake_renderer):
     assert len(fake_renderer) == 3
 
 
+def test_generate_reports_paths_that_were_cut(tmp_path, config_path, fake_renderer, monkeypatch):
+    def render(scene, settings, progress=None):
+        return replace(made_up_render(settings), truncated_count=5 if scene.media[0].asymmetry == 0 else 0)
+
+    monkeypatch.setattr(fgf_warp.renderer, "render", render)
+    outcome = fgf("generate", config_path, "--out", tmp_path / "data", "--set", "preset=preview")
+    assert outcome.exit_code == 0, outcome.output
+    assert outcome.stderr.count("were cut") == 1
+    assert "10 paths in 2 of 6 samples (0.33 of all) were cut after 64 scattering events" in outcome.stderr
+
+
+def test_generate_of_whole_paths_reports_none(tmp_path, config_path, fake_renderer):
+    assert "were cut" not in fgf("generate", config_path, "--out", tmp_path / "data").stderr
+
+
+@pytest.mark.parametrize("command", ["plan", "validate"])
+def test_a_sweep_is_warned_of_an_outer_scale_that_is_too_short(config_path, command):
+    config_path.write_text(config_path.read_text().split("axes:")[0] + "axes: {H: [0.3], S_w: [1], L: [3, 1e9]}\n")
+    warnings = [line for line in fgf(command, config_path).stderr.splitlines() if "outer scale" in line]
+    # The sphere's box is 2 wide.
+    assert len(warnings) == 1
+    assert "warning: sample 0: t = 2 is not far below the outer scale L = 3" in warnings[0]
+
+
 def test_generate_goes_to_the_folder_of_the_name(tmp_path, config_path, fake_renderer, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert fgf("generate", config_path).exit_code == 0
@@ -229,6 +253,7 @@ def test_validate_tells_what_is_there(config_path, stage):
     assert outcome.exit_code == 0
     assert "/camera" in outcome.stdout
     assert "/medium: H = -0.5" in outcome.stdout
+    assert "sigma_m = 2.5; classical exponential, b = 0" in outcome.stdout
     assert "/sphere: sphere, filled with /medium" in outcome.stdout
     assert "/sky: DomeLight" in outcome.stdout
     of_config = fgf("validate", config_path).stdout

@@ -28,6 +28,8 @@ BASE = "name: a\nscene: s.usda\n"
         ("spp: true\n", "spp: found True; accepted: a valid integer"),
         ("png: 1\n", "png: found 1; accepted: a valid boolean"),
         ("seed: -1\n", "seed: found -1"),
+        ("exposure: 2000\n", "config.yaml:3: exposure: found 2000; accepted: less than or equal to 32"),
+        ("exposure: -33\n", "exposure: found -33; accepted: greater than or equal to -32"),
         ("seed: 18446744073709551616\n", "seed: found 18446744073709551616"),
         ("preset: best\n", "preset: found 'best'; accepted: 'preview', 'balanced' or 'reference'"),
         ("aovs: [dept]\n", r"aovs\[0\]: found 'dept'"),
@@ -90,6 +92,11 @@ def test_spaced_values_meet_the_decimals():
     assert AxisConfig(linspace=(-0.3, 0.3, 7)).grid_values()[3] == 0.0
     assert AxisConfig(logspace=(0.01, 100, 5)).grid_values() == (0.01, 0.1, 1.0, 10.0, 100.0)
     assert AxisConfig(linspace=(1 / 3, 2 / 3, 2)).grid_values() == (1 / 3, 2 / 3)
+
+
+def test_logarithmic_values_may_be_small_beside_their_span():
+    assert AxisConfig(logspace=(1e-15, 10.0, 5)).grid_values() == (1e-15, 1e-11, 1e-7, 1e-3, 10.0)
+    assert AxisConfig(logspace=(1e-14, 100.0, 9)).grid_values()[1] == 1e-12
 
 
 def test_random_axes_follow_their_quantiles():

@@ -130,6 +130,14 @@ def test_sweeps_out_of_the_domain_are_refused_by_index_and_value(axes, message):
         plan_of(axes=axes)
 
 
+def test_transport_is_checked_against_the_swept_parameters():
+    base = furnace(hurst=-0.7, white_noise_scale=1.0)
+    plan = plan_of(base, transport="reciprocal", axes={"H": [-0.5, -0.25]})
+    assert {sample.medium.resolved_transport for sample in plan.samples} == {"reciprocal"}
+    with pytest.raises(ConfigError, match=r"sample 1: /medium: transport = 'reciprocal' with H = -0.7"):
+        plan_of(transport="reciprocal", axes={"H": [-0.5, -0.7]})
+
+
 def test_a_sweep_that_an_authored_kappa_would_silence_is_refused():
     with pytest.raises(ConfigError, match=r"axes.S_w: /medium authors kappa = 0.5"):
         plan_of(furnace(kappa=0.5), axes={"S_w": [1.0]})

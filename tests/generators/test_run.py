@@ -2,6 +2,7 @@ import json
 import os
 import signal
 import threading
+from dataclasses import replace
 
 import pyarrow.parquet as pq
 import pytest
@@ -9,11 +10,12 @@ import pytest
 import fgf_warp.renderer
 from fgf_warp.errors import ConfigError, CorruptFileError, NumericalError, OutputError
 from fgf_warp.output.exr import read_exr
-from generators import run
+from generators import lock, run
 from generators.config import load_config
 from generators.manifest import SCHEMA
 from generators.plan import build_plan
 from tests.renders import made_up_render
+from tests.scenes import furnace
 
 
 @pytest.fixture
@@ -65,6 +67,7 @@ def test_labels_say_what_was_rendered(tmp_path, dataset, fake_renderer):
         )
         assert (row["seed"], row["spp"], row["L"]) == (sample.seed, 4, None)
         assert row["render_seconds"] == 0.25
+        assert row["truncated"] == 0
         channels, header = read_exr(tmp_path / "data" / row["exr"])
         assert header["H"] == row["H"]
         assert header["dataset"] == {
@@ -75,6 +78,73 @@ def test_labels_say_what_was_rendered(tmp_path, dataset, fake_renderer):
         }
         assert "variance.R" in channels
         assert (tmp_path / "data" / row["png"]).is_file()
+
+
+def test_labels_hold_the_extinction_in_force(tmp_path, config_path, fake_renderer):
+    loaded = load_config(config_path, ["axes={sigma_m: [4], S_w: [1]}"])
+    for color, expected in (((0.5,) * 3, 2.0), ((0.5, 1.0, 1.0), 4.0)):
+        plan = build_plan(loaded.config, furnace(extinction_color=color), 12, 8)
+        run.generate(plan, loaded, tmp_path / str(expected))
+        (row,) = labels(tmp_path / str(expected)).to_pylist()
+        # White noise: kappa = S_w / sigma_m.
+        assert (row["sigma_m"], row["kappa"]) == pytest.approx((expected, 1 / expected))
+
+
+def test_paths_that_were_cut_are_counted_in_this_run_and_the_next(tmp_path, dataset, fake_renderer, monkeypatch):
+    plan, loaded = dataset
+    render = fgf_warp.renderer.render
+    cut = {plan.samples[1].seed: 5, plan.samples[4].seed: 2}
+
+    def cut_some(scene, settings, progress=None):
+        return replace(render(scene, settings, progress), truncated_count=cut.get(settings.seed, 0))
+
+    monkeypatch.setattr(fgf_warp.renderer, "render", cut_some)
+    for _ in range(2):
+        report = run.generate(plan, loaded, tmp_path / "data")
+        assert (report.truncated_paths, report.truncated_samples) == (7, 2)
+        assert labels(tmp_path / "data")["truncated"].to_pylist() == [0, 5, 0, 0, 2, 0]
+
+
+def snapshot(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def refuse_a_second_run(plan, loaded, folder, monkeypatch):
+    """Runs, and from within the first render runs again; returns the error of the second."""
+    render, errors = fgf_warp.renderer.render, []
+
+    def run_again(scene, settings, progress=None):
+        if not errors:
+            errors.append(None)
+            before = snapshot(folder)
+            with pytest.raises(ConfigError) as caught:
+                run.generate(plan, loaded, folder)
+            errors[0] = str(caught.value)
+            assert snapshot(folder) == before
+        return render(scene, settings, progress)
+
+    monkeypatch.setattr(fgf_warp.renderer, "render", run_again)
+    assert run.generate(plan, loaded, folder, workers=1).is_complete
+    assert run.generate(plan, loaded, folder).reused == len(plan.samples)
+    return errors[0]
+
+
+def test_a_second_run_at_the_same_time_is_refused(tmp_path, dataset, fake_renderer, monkeypatch):
+    message = refuse_a_second_run(*dataset, tmp_path / "data", monkeypatch)
+    assert message.startswith(f"{tmp_path / 'data'}: another run is under way in this folder; wait for its end")
+
+
+def test_a_second_run_is_refused_where_there_is_no_fcntl(tmp_path, dataset, fake_renderer, monkeypatch):
+    monkeypatch.setattr(lock, "fcntl", None)
+    message = refuse_a_second_run(*dataset, tmp_path / "data", monkeypatch)
+    assert f"delete {tmp_path / 'data' / 'run' / 'lock'} if it was killed" in message
+    assert not (tmp_path / "data" / "run" / "lock").exists()
+
+
+def test_a_run_that_was_killed_early_leaves_no_obstacle(tmp_path, dataset, fake_renderer):
+    (tmp_path / "data" / "run").mkdir(parents=True)
+    (tmp_path / "data" / "run" / "lock").touch()
+    assert run.generate(*dataset, tmp_path / "data").is_complete
 
 
 def test_number_of_workers_changes_no_byte(tmp_path, dataset, fake_renderer):
