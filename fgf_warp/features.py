@@ -23,7 +23,8 @@ class RenderFeatures:
         distant_lights: distant lights, with an extent or without.
         environment: a dome. Being uniform it is met by scattered rays and not connected to.
         media: shapes filled with a medium.
-        correlated: a medium whose law is not the exponential.
+        lone_law: the law, ``exponential``, ``power`` or ``fractional``, of the only medium, where one shape is filled
+            with a medium and the channels do not differ; otherwise empty, and laws are looked up.
         chromatic: a medium whose channels differ in extinction.
         aovs: the further planes that need work in the kernel.
     """
@@ -35,7 +36,7 @@ class RenderFeatures:
     distant_lights: bool
     environment: bool
     media: bool
-    correlated: bool
+    lone_law: str
     chromatic: bool
     aovs: frozenset[Aov]
 
@@ -56,7 +57,7 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         distant_lights=any(isinstance(light, DistantLight) for light in scene.lights),
         environment=any(isinstance(light, DomeLight) for light in scene.lights),
         media=bool(media),
-        correlated=any(not medium.line_law.is_exponential for medium in media),
+        lone_law=media[0].line_law.kind if len(media) == 1 and not media[0].is_chromatic else "",
         chromatic=any(medium.is_chromatic for medium in media),
         aovs=settings.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO},
     )

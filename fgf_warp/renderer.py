@@ -17,7 +17,7 @@ import warp as wp
 from fgf_warp import __version__
 from fgf_warp.errors import ConfigError, NumericalError
 from fgf_warp.features import required_features
-from fgf_warp.integrator import Film, Program, build_program
+from fgf_warp.integrator import SAMPLE_FLOATS, Film, Program, build_program, lane_floats
 from fgf_warp.result import RenderResult
 from fgf_warp.scene import Scene
 from fgf_warp.settings import Aov, RenderSettings
@@ -26,10 +26,12 @@ from fgf_warp.upload import UploadedScene, upload
 Progress = Callable[[int, int], None]
 """Called with the camera paths done so far, and in all."""
 
-PATHS_PER_LAUNCH = 1 << 14
-"""On the CPU: some 20 ms of work, so that two threads end together and progress is smooth."""
+PATHS_PER_LAUNCH = 1 << 15
+"""On the CPU: so many that the lanes are rarely idle at the end, so few that their samples stay in the cache."""
 PATHS_PER_CUDA_LAUNCH = 1 << 24
 """On CUDA: enough to fill the device."""
+FARTHEST = 1e38
+"""Depths beyond it stand for nothing met."""
 BLOCK_DIM = 128
 """Threads of a CUDA block."""
 
@@ -75,8 +77,11 @@ def prepare(scene: Scene, settings: RenderSettings) -> Program:
     check_device(settings.device)
     with _build_lock:
         program = build_program(required_features(scene, settings))
-        # A launch on the CPU asks for blocks of one thread, and would build anew for any other.
-        program.kernel.module.load(wp.get_device(settings.device), 1 if settings.device == "cpu" else BLOCK_DIM)
+        if settings.device == "cpu":
+            # A launch on the CPU asks for blocks of one thread, and would build anew for any other.
+            program.render_pool.module.load(wp.get_device("cpu"), 1)
+        else:
+            program.render_threads.module.load(wp.get_device(settings.device), BLOCK_DIM)
     return program
 
 
@@ -165,7 +170,8 @@ def develop(model: Model, state: State, seconds: float) -> RenderResult:
     spread = np.maximum(mean(film.radiance_sq) - radiance**2, 0.0)
     aovs: dict[Aov, np.ndarray] = {}
     if Aov.DEPTH in settings.aovs:
-        aovs[Aov.DEPTH] = film.depth.numpy().reshape(settings.height, settings.width).copy()
+        depth = film.depth.numpy().reshape(settings.height, settings.width)
+        aovs[Aov.DEPTH] = np.where(depth < FARTHEST, depth, np.inf).astype(np.float32)
     if Aov.TRANSMITTANCE in settings.aovs:
         aovs[Aov.TRANSMITTANCE] = mean(film.transmittance).astype(np.float32)
     if Aov.ALBEDO in settings.aovs:
@@ -190,22 +196,30 @@ def _step_cpu(model: Model, state: State, samples: int, progress: Progress | Non
     settings = model.settings
     pixels = settings.width * settings.height
     total, done, lock = pixels * samples, 0, threading.Lock()
+    threads = settings.threads or os.cpu_count() or 1
+    tile = max(1, min(-(-pixels // (4 * threads)), PATHS_PER_LAUNCH))
+    scratch_floats = 2 * lane_floats(model.program.features) + PATHS_PER_LAUNCH * int(SAMPLE_FLOATS)
+    own = threading.local()
 
     def render_range(task: tuple[int, int, int, int]) -> None:
         nonlocal done
-        first_pixel, count, first_sample, sample_count = task
-        _launch(model, state, first_pixel, count, first_sample, sample_count)
+        first_pixel, pixel_count, first_sample, sample_count = task
+        if not hasattr(own, "scratch"):
+            own.scratch = wp.empty(scratch_floats, dtype=float, device="cpu")
+        wp.launch(
+            model.program.render_pool,
+            dim=1,
+            inputs=[*_inputs(model, state), own.scratch, first_pixel, pixel_count, first_sample, sample_count],
+            device="cpu",
+        )
         with lock:
-            done += count * sample_count
+            done += pixel_count * sample_count
             if progress is not None:
                 progress(done, total)
 
-    threads = settings.threads or os.cpu_count() or 1
-    tile = max(1, min(pixels // (4 * threads) or 1, PATHS_PER_LAUNCH))
     # A pixel's samples stay in order: the ranges of one round are disjoint, and a round ends before the next.
-    rounds = _rounds(state.samples, samples, max(1, PATHS_PER_LAUNCH // tile))
     with ThreadPoolExecutor(threads) as pool:
-        for first_sample, sample_count in rounds:
+        for first_sample, sample_count in _rounds(state.samples, samples, max(1, PATHS_PER_LAUNCH // tile)):
             tasks = [(first, min(tile, pixels - first), first_sample, sample_count) for first in range(0, pixels, tile)]
             list(pool.map(render_range, tasks))
 
@@ -215,7 +229,13 @@ def _step_cuda(model: Model, state: State, samples: int, progress: Progress | No
     pixels = settings.width * settings.height
     done = 0
     for first_sample, sample_count in _rounds(state.samples, samples, max(1, PATHS_PER_CUDA_LAUNCH // pixels)):
-        _launch(model, state, 0, pixels, first_sample, sample_count)
+        wp.launch(
+            model.program.render_threads,
+            dim=pixels,
+            inputs=[*_inputs(model, state), 0, first_sample, sample_count],
+            device=settings.device,
+            block_dim=BLOCK_DIM,
+        )
         wp.synchronize_device(settings.device)
         done += pixels * sample_count
         if progress is not None:
@@ -227,24 +247,8 @@ def _rounds(first: int, samples: int, at_once: int) -> Iterator[tuple[int, int]]
         yield start, min(at_once, first + samples - start)
 
 
-def _launch(
-    model: Model, state: State, first_pixel: int, pixel_count: int, first_sample: int, sample_count: int
-) -> None:
-    wp.launch(
-        model.program.kernel,
-        dim=pixel_count,
-        inputs=[
-            model.uploaded.data,
-            model.uploaded.limits,
-            state.film,
-            wp.uint64(model.settings.seed),
-            first_pixel,
-            first_sample,
-            sample_count,
-        ],
-        device=model.settings.device,
-        block_dim=BLOCK_DIM,
-    )
+def _inputs(model: Model, state: State) -> list[Any]:
+    return [model.uploaded.data, model.uploaded.limits, state.film, wp.uint64(model.settings.seed)]
 
 
 def _check_finite(model: Model, state: State) -> None:

@@ -32,10 +32,11 @@ from fgf_warp.settings import RenderSettings
 from fgf_warp.theory import kernels
 from fgf_warp.theory.law import LineLaw
 
-MAX_CONTAINERS = 64
+MAX_CONTAINERS = 32
 """Shapes filled with a medium: one bit each in a path's state."""
 
 SOLID_KINDS = {"sphere": geometry.SPHERE, "cube": geometry.CUBE, "cylinder": geometry.CYLINDER}
+LAW_KINDS = {"exponential": law.EXPONENTIAL, "power": law.POWER, "fractional": law.FRACTIONAL}
 EXTINCTION_FLOOR = 1e-30
 """Stands for a vanishing extinction, whose free flights are beyond every scene."""
 
@@ -57,7 +58,7 @@ def upload(scene: Scene, settings: RenderSettings) -> UploadedScene:
     """Copies a scene to `settings.device`.
 
     Raises:
-        UnsupportedFeatureError: for more than 64 shapes filled with media.
+        UnsupportedFeatureError: for more than 32 shapes filled with media.
     """
     device = settings.device
     # A shape without surface and medium is nothing to light.
@@ -85,7 +86,7 @@ def upload(scene: Scene, settings: RenderSettings) -> UploadedScene:
         [_light(light) for light in scene.lights if not isinstance(light, DomeLight)], dtype=lights.Light, device=device
     )
     data.flight_tables = wp.array(tables.rows(), dtype=wp.vec2, device=device)
-    data.camera_inside = wp.uint64(containers_around(scene.camera.position, containers))
+    data.camera_inside = wp.uint32(containers_around(scene.camera.position, containers))
 
     limits = Limits()
     limits.max_depth = settings.max_depth
@@ -153,14 +154,13 @@ def build_device_law(line: LineLaw, reciprocal: bool, tables: FlightTables) -> A
     result.b = line.b
     result.kappa = line.kappa
     result.reciprocal = int(reciprocal)
+    result.kind = LAW_KINDS[line.kind]
     if line.is_exponential:
-        result.kind = law.EXPONENTIAL
         result.rate = float(kernels.log1p_ratio(line.kappa))
         return result
-    result.kind = law.POWER if line.b == 1 else law.FRACTIONAL
     result.ln_kappa = math.log(line.kappa)
     result.rate = 1.0
-    if result.kind == law.FRACTIONAL:
+    if line.kind == "fractional":
         result.table = tables.first_row(line.b)
     return result
 

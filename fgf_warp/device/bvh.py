@@ -7,7 +7,7 @@ slack of Ize 2013, "Robust BVH ray traversal".
 
 import warp as wp
 
-from fgf_warp.device.geometry import BOUNDARY, SURFACE, Hit, is_inside
+from fgf_warp.device.geometry import BOUNDARY, SURFACE, Hit, Start, coordinate_reach, is_inside
 from fgf_warp.device.numerics import INFINITE
 
 WIDTH = wp.constant(8)
@@ -24,6 +24,10 @@ BOX_SLACK = wp.constant(1.0000004)
 """1 + 2 gamma(3) of Ize."""
 NONE = wp.constant(2147483647)
 """Stands for no node."""
+ROUNDING = wp.constant(1.0e-6)
+"""Relative error of a distance along a ray, amply."""
+FLATTEST = wp.constant(100.0)
+"""1 / cosine of the flattest angle at which a face just behind the ray's origin is looked for."""
 TINY_SLOPE = wp.constant(1.0e-30)
 
 
@@ -57,11 +61,14 @@ def safe_inverse(slope: float) -> float:
 
 
 @wp.func
-def accepts(mesh: Mesh, is_front: bool, inside: wp.uint64) -> bool:
+def accepts(mesh: Mesh, is_front: bool, t: float, start: Start) -> bool:
     """A surface is met from both sides, a boundary from the side that the path is on."""
     if mesh.surface >= 0:
-        return True
-    return is_inside(inside, mesh.container) != is_front
+        return t > 0.0
+    if is_inside(start.inside, mesh.container) == is_front:
+        return False
+    # Behind there may be a face that the ray should have crossed; not one of the mesh that it has just crossed.
+    return t > start.t_min or mesh.container != start.crossed
 
 
 @wp.func
@@ -87,12 +94,20 @@ def leaf_corner(bvh: Bvh, leaf: int, lane: int, corner: int) -> wp.vec3:
 
 
 @wp.func
-def intersect_meshes(bvh: Bvh, origin: wp.vec3, direction: wp.vec3, inside: wp.uint64, nearest: Hit) -> Hit:
+def triangle_normal(bvh: Bvh, leaf: int, lane: int) -> wp.vec3:
+    """Unit normal of one triangle."""
+    a = leaf_corner(bvh, leaf, lane, 0)
+    return wp.normalize(wp.cross(leaf_corner(bvh, leaf, lane, 1) - a, leaf_corner(bvh, leaf, lane, 2) - a))
+
+
+@wp.func
+def intersect_meshes(bvh: Bvh, origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit) -> Hit:
     """`nearest`, or the triangle before it that the path can meet."""
     hit = nearest
     if bvh.children.shape[0] == 0:
         return hit
 
+    slack = wp.max(start.slack, ROUNDING * coordinate_reach(origin, start.t_min))
     # The ray's frame: z along its longest axis, x and y sheared so that the ray is the z axis (Woop et al.).
     size = wp.vec3(wp.abs(direction[0]), wp.abs(direction[1]), wp.abs(direction[2]))
     kz = wp.where(size[0] > size[1], wp.where(size[0] > size[2], 0, 2), wp.where(size[1] > size[2], 1, 2))
@@ -134,7 +149,7 @@ def intersect_meshes(bvh: Bvh, origin: wp.vec3, direction: wp.vec3, inside: wp.u
             y1 = (bvh.boxes[row + 5 - near_y] - oy) * inverse[1]
             z0 = (bvh.boxes[row + near_z] - oz) * inverse[2]
             z1 = (bvh.boxes[row + 9 - near_z] - oz) * inverse[2]
-            t0 = wp.max(wp.max(x0, y0), wp.max(z0, vec8(0.0)))
+            t0 = wp.max(wp.max(x0, y0), wp.max(z0, vec8(start.t_min - FLATTEST * slack)))
             t1 = wp.min(wp.min(x1, y1), wp.min(z1, vec8(hit.t))) * BOX_SLACK
             child = bvh.children[node]
             # The nearest child comes next, the others wait.
@@ -183,10 +198,15 @@ def intersect_meshes(bvh: Bvh, origin: wp.vec3, direction: wp.vec3, inside: wp.u
                 k = lowest_lane(met)
                 met = met & (met - 1)
                 t = scaled_t[k] / wp.where(det[k] != 0.0, det[k], TINY_SLOPE)
-                if det[k] != 0.0 and t > 0.0 and t < hit.t:
+                if det[k] != 0.0 and owner[k] >= 0 and t < hit.t:
                     mesh = bvh.meshes[owner[k]]
-                    if accepts(mesh, det[k] > 0.0, inside):
-                        hit.t = t
+                    is_met = accepts(mesh, det[k] > 0.0, t, start)
+                    if is_met and t < start.t_min:
+                        # Behind: as far as rounding can have moved the ray across the face, and no farther.
+                        normal = triangle_normal(bvh, leaf, k)
+                        is_met = (start.t_min - t) * wp.abs(wp.dot(normal, direction)) < slack
+                    if is_met:
+                        hit.t = wp.max(t, start.t_min)
                         hit_leaf = leaf
                         hit_lane = k
                         hit.kind = wp.where(mesh.surface >= 0, SURFACE, BOUNDARY)
@@ -202,8 +222,5 @@ def intersect_meshes(bvh: Bvh, origin: wp.vec3, direction: wp.vec3, inside: wp.u
             break
 
     if hit_leaf >= 0 and hit.kind == SURFACE:
-        a = leaf_corner(bvh, hit_leaf, hit_lane, 0)
-        ab = leaf_corner(bvh, hit_leaf, hit_lane, 1) - a
-        ac = leaf_corner(bvh, hit_leaf, hit_lane, 2) - a
-        hit.normal = wp.normalize(wp.cross(ab, ac))
+        hit.normal = triangle_normal(bvh, hit_leaf, hit_lane)
     return hit

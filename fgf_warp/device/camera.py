@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from fgf_warp.device.numerics import unit
+
 
 @wp.struct
 class Camera:
@@ -21,11 +23,17 @@ class Camera:
     """[pixel]."""
 
 
-@wp.func
-def camera_direction(camera: Camera, pixel: int, xi1: float, xi2: float) -> wp.vec3:
-    """Unit direction through a point of the pixel; pixels are counted along rows from the top left."""
-    column = pixel % camera.width
-    row = pixel // camera.width
+@wp.func(inline=True)
+def camera_direction(camera: Camera, row: int, column: int, xi1: float, xi2: float) -> wp.vec3:
+    """Unit direction through a point of a pixel; rows are counted from the top."""
     x = camera.left_edge + (float(column) + xi1) * camera.pixel_width
     y = camera.top_edge - (float(row) + xi2) * camera.pixel_height
-    return wp.normalize(camera.forward + camera.right * x + camera.up * y)
+    return unit(camera.forward + camera.right * x + camera.up * y)
+
+
+@wp.func(inline=True)
+def row_of(place: int, width: int) -> int:
+    """place // width for 0 <= place < 2^23, without an integer division."""
+    row = int(float(place) / float(width))
+    rest = place - row * width
+    return row + wp.where(rest >= width, 1, wp.where(rest < 0, -1, 0))

@@ -1,13 +1,14 @@
 """Rays against solids, and what all that rays can meet has in common.
 
-A boundary of a medium is a switch: from outside only its front is met, from inside only its back. Which side
-a path is on is known from what it crossed (its `inside` bits), not from coordinates. So rounding at a crossing
-cannot toggle it, and a path that is inside and finds no way out has rounded past the boundary and leaves at once.
+A boundary of a medium is a switch: from outside only its front is met, from inside only its back. Which side a path
+is on is known from what it crossed (its `inside` bits), not from coordinates, and a ray keeps its origin when it
+crosses: what it meets next is sought from the distance `t_min` of the crossing on. So rounding cannot toggle a
+boundary, and boundaries that touch each other or a surface are crossed one after the other, each once.
 """
 
 import warp as wp
 
-from fgf_warp.device.numerics import INFINITE
+from fgf_warp.device.numerics import INFINITE, choose, unit
 
 MISS = wp.constant(0)
 BOUNDARY = wp.constant(1)
@@ -24,7 +25,7 @@ CYLINDER = wp.constant(2)
 MARGIN = wp.constant(1.0e-6)
 """Relative distance that a scattering event keeps from the face of a mesh ahead."""
 OFFSET = wp.constant(4.0e-6)
-"""Relative step off a surface, a few units in the last place of the coordinates."""
+"""Relative step off a surface: some fifty units in the last place of the coordinates."""
 
 
 @wp.struct
@@ -36,6 +37,20 @@ class Hit:
     item: int
     normal: wp.vec3
     """Unit outward normal of a surface or light; not set for a boundary."""
+
+
+@wp.struct
+class Start:
+    """Where on its ray a path is."""
+
+    t_min: float
+    """Distance of the last crossing, 0 at the ray's origin."""
+    inside: wp.uint32
+    """Containers around it there, one bit each."""
+    crossed: int
+    """The container last crossed on this ray, or -1."""
+    slack: float
+    """How far the ray's origin may be from where it should be, across a face."""
 
 
 @wp.struct
@@ -51,57 +66,56 @@ class Solid:
     """Bit of the medium that fills it, or -1."""
 
 
-@wp.func
-def is_inside(inside: wp.uint64, container: int) -> bool:
+@wp.func(inline=True)
+def is_inside(inside: wp.uint32, container: int) -> bool:
     """True where the path is in this container."""
-    return ((inside >> wp.uint64(container)) & wp.uint64(1)) == wp.uint64(1)
+    return ((inside >> wp.uint32(container)) & wp.uint32(1)) == wp.uint32(1)
 
 
-@wp.func
-def cross_boundary(inside: wp.uint64, container: int) -> wp.uint64:
+@wp.func(inline=True)
+def cross_boundary(inside: wp.uint32, container: int) -> wp.uint32:
     """The path's containers after it has crossed the boundary of one."""
-    return inside ^ (wp.uint64(1) << wp.uint64(container))
+    return inside ^ (wp.uint32(1) << wp.uint32(container))
 
 
-@wp.func
+@wp.func(inline=True)
 def coordinate_reach(position: wp.vec3, t: float) -> float:
     """Size of the coordinates along a ray up to t: rounding moves a point of it by some 1e-7 of that."""
     return wp.max(wp.max(wp.abs(position[0]), wp.abs(position[1])), wp.abs(position[2])) + t
 
 
-@wp.func
+@wp.func(inline=True)
 def offset_from_surface(position: wp.vec3, normal: wp.vec3, t: float) -> wp.vec3:
     """A start for the next ray that rounding cannot put behind the surface."""
     return position + normal * (coordinate_reach(position, t) * OFFSET)
 
 
-@wp.func
+@wp.func(inline=True)
 def slab_interval(o: float, d: float) -> wp.vec2:
     """Where a ray is between -1 and 1 along one axis: (t_enter, t_exit), empty if t_enter > t_exit."""
-    if d == 0.0:
-        return wp.where(wp.abs(o) <= 1.0, wp.vec2(-INFINITE, INFINITE), wp.vec2(INFINITE, -INFINITE))
-    t0 = (-1.0 - o) / d
-    t1 = (1.0 - o) / d
-    return wp.vec2(wp.min(t0, t1), wp.max(t0, t1))
+    slope = wp.where(d == 0.0, 1.0, d)
+    t0 = (-1.0 - o) / slope
+    t1 = (1.0 - o) / slope
+    reach = wp.where(wp.abs(o) <= 1.0, INFINITE, -INFINITE)
+    return wp.vec2(wp.where(d == 0.0, -reach, wp.min(t0, t1)), wp.where(d == 0.0, reach, wp.max(t0, t1)))
 
 
-@wp.func
+@wp.func(inline=True)
 def round_interval(o: wp.vec3, d: wp.vec3) -> wp.vec2:
     """Where a ray is within distance 1 of the origin; (t_enter, t_exit), empty if t_enter > t_exit.
 
     The distance is taken at the nearest point, which keeps its digits far away (Haines et al. 2019).
     """
-    a = wp.length_sq(d)
-    if a == 0.0:
-        return wp.where(wp.length_sq(o) <= 1.0, wp.vec2(-INFINITE, INFINITE), wp.vec2(INFINITE, -INFINITE))
-    t_near = -wp.dot(o, d) / a
-    half = (1.0 - wp.length_sq(o + d * t_near)) / a
-    if half < 0.0:
-        return wp.vec2(INFINITE, -INFINITE)
-    return wp.vec2(t_near - wp.sqrt(half), t_near + wp.sqrt(half))
+    a = wp.dot(d, d)
+    slope = wp.where(a == 0.0, 1.0, a)
+    t_near = -wp.dot(o, d) / slope
+    closest = o + d * t_near
+    room = 1.0 - wp.dot(closest, closest)
+    half = wp.where(a == 0.0, INFINITE, wp.sqrt(wp.max(room, 0.0) / slope))
+    return wp.vec2(wp.where(room < 0.0, INFINITE, t_near - half), wp.where(room < 0.0, -INFINITE, t_near + half))
 
 
-@wp.func
+@wp.func(inline=True)
 def solid_interval(kind: int, o: wp.vec3, d: wp.vec3) -> wp.vec2:
     """Where a ray is in a canonical solid; (t_enter, t_exit), empty if t_enter > t_exit."""
     if kind == SPHERE:
@@ -115,58 +129,86 @@ def solid_interval(kind: int, o: wp.vec3, d: wp.vec3) -> wp.vec2:
     return wp.vec2(wp.max(side[0], z[0]), wp.min(side[1], z[1]))
 
 
-@wp.func
+@wp.func(inline=True)
 def solid_normal(kind: int, p: wp.vec3) -> wp.vec3:
     """Outward normal, not normalised, of a canonical solid at a point of its surface."""
-    if kind == SPHERE:
-        return p
-    a = wp.vec3(wp.abs(p[0]), wp.abs(p[1]), wp.abs(p[2]))
-    if kind == CUBE:
-        if a[0] >= a[1] and a[0] >= a[2]:
-            return wp.vec3(p[0], 0.0, 0.0)
-        return wp.where(a[1] >= a[2], wp.vec3(0.0, p[1], 0.0), wp.vec3(0.0, 0.0, p[2]))
-    on_cap = a[2] >= wp.sqrt(p[0] * p[0] + p[1] * p[1])
-    return wp.where(on_cap, wp.vec3(0.0, 0.0, p[2]), wp.vec3(p[0], p[1], 0.0))
+    x = wp.abs(p[0])
+    y = wp.abs(p[1])
+    z = wp.abs(p[2])
+    on_x = x >= y and x >= z
+    on_y = y >= z and not on_x
+    of_cube = wp.vec3(wp.where(on_x, p[0], 0.0), wp.where(on_y, p[1], 0.0), wp.where(on_x or on_y, 0.0, p[2]))
+    on_cap = z >= wp.sqrt(x * x + y * y)
+    of_cylinder = wp.vec3(wp.where(on_cap, 0.0, p[0]), wp.where(on_cap, 0.0, p[1]), wp.where(on_cap, p[2], 0.0))
+    return choose(kind == SPHERE, p, choose(kind == CUBE, of_cube, of_cylinder))
 
 
-@wp.func
-def meet_boundary(span: wp.vec2, is_within: bool) -> float:
-    """Distance at which a ray crosses the boundary that spans (t_enter, t_exit); INFINITE where it does not."""
-    if is_within:
-        return wp.where(span[0] <= span[1], wp.max(span[1], 0.0), 0.0)
-    return wp.where(span[0] <= span[1] and span[0] > 0.0, span[0], INFINITE)
+@wp.func(inline=True)
+def boundary_distance(span: wp.vec2, t_min: float, is_within: bool) -> float:
+    """Distance, t_min or more, at which a ray crosses the boundary that spans (t_enter, t_exit), else INFINITE.
+
+    A ray that is in what it has not entered, since it stepped off a surface in it or was rounded across a face that
+    two boundaries share, enters at t_min; one that is out of what it has not left, leaves at t_min.
+    """
+    meets = span[0] <= span[1]
+    leaves = wp.where(meets, wp.max(span[1], t_min), t_min)
+    enters = wp.where(meets and span[1] > t_min, wp.max(span[0], t_min), INFINITE)
+    return wp.where(is_within, leaves, enters)
 
 
-@wp.func
-def meet_surface(span: wp.vec2) -> float:
+@wp.func(inline=True)
+def surface_distance(span: wp.vec2) -> float:
     """Distance at which a ray meets the surface that spans (t_enter, t_exit); INFINITE where it does not."""
-    if span[0] > span[1] or span[1] <= 0.0:
-        return INFINITE
-    return wp.where(span[0] > 0.0, span[0], span[1])
+    ahead = wp.where(span[0] > 0.0, span[0], span[1])
+    return wp.where(span[0] <= span[1] and span[1] > 0.0, ahead, INFINITE)
+
+
+@wp.func(inline=True)
+def meet_solid_boundary(solid: Solid, span: wp.vec2, start: Start, nearest: Hit) -> Hit:
+    """`nearest`, or the boundary before it."""
+    hit = nearest
+    t = boundary_distance(span, start.t_min, is_inside(start.inside, solid.container))
+    is_nearer = t < nearest.t
+    hit.t = wp.where(is_nearer, t, nearest.t)
+    hit.kind = wp.where(is_nearer, BOUNDARY, nearest.kind)
+    hit.item = wp.where(is_nearer, solid.container, nearest.item)
+    return hit
+
+
+@wp.func(inline=True)
+def meet_solid_surface(solid: Solid, span: wp.vec2, origin: wp.vec3, direction: wp.vec3, nearest: Hit) -> Hit:
+    """`nearest`, or the surface before it."""
+    hit = nearest
+    t = surface_distance(span)
+    is_nearer = t < nearest.t
+    p = solid.to_object * (origin + direction * wp.where(is_nearer, t, 0.0)) + solid.to_object_offset
+    normal = unit(wp.transpose(solid.to_object) * solid_normal(solid.kind, p))
+    hit.t = wp.where(is_nearer, t, nearest.t)
+    hit.kind = wp.where(is_nearer, SURFACE, nearest.kind)
+    hit.item = wp.where(is_nearer, solid.surface, nearest.item)
+    hit.normal = choose(is_nearer, normal, nearest.normal)
+    return hit
+
+
+@wp.func(inline=True)
+def solid_span(solid: Solid, kind: int, origin: wp.vec3, direction: wp.vec3) -> wp.vec2:
+    """Where a ray is in a solid of this kind."""
+    o = solid.to_object * origin + solid.to_object_offset
+    d = solid.to_object * direction
+    return solid_interval(kind, o, d)
 
 
 @wp.func
 def intersect_solids(
-    solids: wp.array(dtype=Solid), origin: wp.vec3, direction: wp.vec3, inside: wp.uint64, nearest: Hit
+    solids: wp.array(dtype=Solid), origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
 ) -> Hit:
     """`nearest`, or the solid before it."""
     hit = nearest
     for i in range(solids.shape[0]):
         solid = solids[i]
-        o = solid.to_object * origin + solid.to_object_offset
-        d = solid.to_object * direction
-        span = solid_interval(solid.kind, o, d)
+        span = solid_span(solid, solid.kind, origin, direction)
         if solid.surface >= 0:
-            t = meet_surface(span)
-            if t < hit.t:
-                hit.t = t
-                hit.kind = SURFACE
-                hit.item = solid.surface
-                hit.normal = wp.normalize(wp.transpose(solid.to_object) * solid_normal(solid.kind, o + d * t))
+            hit = meet_solid_surface(solid, span, origin, direction, hit)
         else:
-            t = meet_boundary(span, is_inside(inside, solid.container))
-            if t < hit.t:
-                hit.t = t
-                hit.kind = BOUNDARY
-                hit.item = solid.container
+            hit = meet_solid_boundary(solid, span, start, hit)
     return hit

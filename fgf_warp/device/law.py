@@ -6,7 +6,7 @@ against 50-digit values over kappa and u from 1e-8 to 1e8.
 
 import warp as wp
 
-from fgf_warp.device.numerics import expm1_ratio
+from fgf_warp.device.numerics import exp_bounded, expm1_ratio, log_positive
 
 EXPONENTIAL = wp.constant(0)
 """b = 0 or kappa = 0: exp(-rate u)."""
@@ -142,41 +142,68 @@ def density_mm(law: Law, u: float) -> float:
     return (d1 * d1 - line_exponent_d2(law, u)) * transmittance_ss(law, u) / initial_rate(law)
 
 
-@wp.func
+@wp.func(inline=True)
+def table_place(law: Law, exponent: float) -> float:
+    """Where in the flight table of the law the exponent E falls: row and fraction, within the table."""
+    q = law.ln_kappa + law.b * log_positive(wp.max(exponent, TINY_U))
+    return wp.clamp((q - TABLE_MIN) * TABLE_STEPS_PER_UNIT, 0.0, float(TABLE_LAST) - 0.001)
+
+
+@wp.func(inline=True)
+def read_table(law: Law, tables: wp.array(dtype=wp.vec2), place: float) -> float:
+    """ln(u/E) at a place of the flight table: the chord, and a bend from how far the end slopes are from it."""
+    row = int(place)
+    t = place - float(row)
+    left = tables[law.table + row]
+    right = tables[law.table + row + 1]
+    chord = right[0] - left[0]
+    bend = (left[1] - chord) * (1.0 - t) - (right[1] - chord) * t
+    return left[0] + t * chord + t * (1.0 - t) * bend
+
+
+@wp.func(inline=True)
+def fly_fractional(exponent: float, ln_ratio: float) -> float:
+    """u from E and ln(u/E), at most ESCAPED."""
+    return wp.min(exponent * exp_bounded(wp.min(ln_ratio, LN_LARGEST)), ESCAPED)
+
+
+@wp.func(inline=True)
+def fly_power(law: Law, exponent: float, remembers: bool) -> float:
+    """u of the power law from E: as Tmm where the flight remembers its medium vertex, else as Tsm."""
+    shortened = wp.where(remembers, exponent / (1.0 + law.kappa), exponent)
+    return wp.min(shortened * expm1_ratio(law.kappa * shortened), ESCAPED)
+
+
+@wp.func(inline=True)
+def shorten_fractional(law: Law, first: float, xi2: float, xi3: float) -> float:
+    """u of Tmm from u of Tsm: the smaller of it and a second variate, whose survival is f'."""
+    r = wp.where(xi3 < law.b, 1.0, wp.max((xi3 - law.b) / wp.max(1.0 - law.b, 1.0e-6), 1.0e-10))
+    ln_second = (log_positive((1.0 - xi2) / (xi2 * r)) - law.ln_kappa) / law.b
+    return wp.min(first, wp.where(ln_second < -87.0, 0.0, exp_bounded(wp.min(ln_second, LN_LARGEST))))
+
+
+@wp.func(inline=True)
 def flight_from_exponent(law: Law, tables: wp.array(dtype=wp.vec2), exponent: float) -> float:
     """The u with f(u) = E > 0, at most ESCAPED; relative error below 1e-4 and mostly 1e-6."""
     if law.kind == EXPONENTIAL:
         return wp.min(exponent / law.rate, ESCAPED)
     if law.kind == POWER:
-        return wp.min(exponent * expm1_ratio(law.kappa * exponent), ESCAPED)
-    q = law.ln_kappa + law.b * wp.log(exponent)
-    x = wp.clamp((q - TABLE_MIN) * TABLE_STEPS_PER_UNIT, 0.0, float(TABLE_LAST) - 0.001)
-    row = int(x)
-    t = x - float(row)
-    left = tables[law.table + row]
-    right = tables[law.table + row + 1]
-    # Cubic Hermite: the chord, and a bend from how far the end slopes are from the chord's.
-    chord = right[0] - left[0]
-    bend = (left[1] - chord) * (1.0 - t) - (right[1] - chord) * t
-    ln_ratio = left[0] + t * chord + t * (1.0 - t) * bend
-    return wp.min(exponent * wp.exp(wp.min(ln_ratio, LN_LARGEST)), ESCAPED)
+        return fly_power(law, exponent, False)
+    return fly_fractional(exponent, read_table(law, tables, table_place(law, exponent)))
 
 
-@wp.func
+@wp.func(inline=True)
 def sample_sm(law: Law, tables: wp.array(dtype=wp.vec2), xi: float) -> float:
     """u distributed as Tsm."""
-    return flight_from_exponent(law, tables, -wp.log(xi))
+    return flight_from_exponent(law, tables, -log_positive(xi))
 
 
-@wp.func
+@wp.func(inline=True)
 def sample_mm(law: Law, tables: wp.array(dtype=wp.vec2), xi: float, xi2: float, xi3: float) -> float:
     """u distributed as Tmm, 0 <= b <= 1; xi2 and xi3 matter to the fractional kind alone."""
     if law.kind == POWER:
-        shortened = -wp.log(xi) / (1.0 + law.kappa)
-        return wp.min(shortened * expm1_ratio(law.kappa * shortened), ESCAPED)
+        return fly_power(law, -log_positive(xi), True)
     first = sample_sm(law, tables, xi)
     if law.kind == EXPONENTIAL:
         return first
-    r = wp.where(xi3 < law.b, 1.0, wp.max((xi3 - law.b) / (1.0 - law.b), 1.0e-10))
-    ln_second = (wp.log((1.0 - xi2) / (xi2 * r)) - law.ln_kappa) / law.b
-    return wp.min(first, wp.exp(wp.min(ln_second, LN_LARGEST)))
+    return shorten_fractional(law, first, xi2, xi3)

@@ -3,7 +3,7 @@
 import warp as wp
 
 from fgf_warp.device.geometry import LIGHT, Hit
-from fgf_warp.device.numerics import INFINITE, PI, one_minus_cos_between, turn
+from fgf_warp.device.numerics import INFINITE, PI, one_minus_cos_between, sincos_turns, turn
 
 DISTANT = wp.constant(0)
 RECT = wp.constant(1)
@@ -76,8 +76,8 @@ def point_on_flat_light(light: Light, xi1: float, xi2: float) -> wp.vec3:
     if light.kind == RECT:
         return light.center + light.half_u * (2.0 * xi1 - 1.0) + light.half_v * (2.0 * xi2 - 1.0)
     radius = wp.sqrt(xi1)
-    azimuth = 2.0 * PI * xi2
-    return light.center + light.half_u * (radius * wp.cos(azimuth)) + light.half_v * (radius * wp.sin(azimuth))
+    sine, cosine = sincos_turns(xi2)
+    return light.center + light.half_u * (radius * cosine) + light.half_v * (radius * sine)
 
 
 @wp.func
@@ -99,13 +99,13 @@ def sample_light(light: Light, position: wp.vec3, xi1: float, xi2: float) -> Lig
             s.direction = light.center
             s.pdf_solid_angle = 1.0
         else:
-            s.direction = turn(light.center, xi1 * light.cone, 2.0 * PI * xi2)
+            s.direction = turn(light.center, xi1 * light.cone, xi2)
             s.pdf_solid_angle = cone_pdf(light.cone)
         return s
     if light.kind == SPHERE_LIGHT:
         cone = sphere_cone(light, position)
         if cone > 0.0:
-            s.direction = turn(wp.normalize(light.center - position), xi1 * cone, 2.0 * PI * xi2)
+            s.direction = turn(wp.normalize(light.center - position), xi1 * cone, xi2)
             s.distance = wp.min(sphere_distance(light, position, s.direction), wp.length(light.center - position))
             s.pdf_solid_angle = cone_pdf(cone)
         return s

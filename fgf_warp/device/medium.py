@@ -29,7 +29,7 @@ class Container:
 
 
 @wp.func
-def medium_at(containers: wp.array(dtype=Container), inside: wp.uint64) -> int:
+def medium_at(containers: wp.array(dtype=Container), inside: wp.uint32) -> int:
     """The medium that fills the space: of the containers around it the one of highest priority; -1 for none."""
     medium = int(-1)
     priority = int(-2147483648)

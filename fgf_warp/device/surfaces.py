@@ -13,14 +13,14 @@ class Surface:
     emission: wp.vec3
 
 
-@wp.func
+@wp.func(inline=True)
 def diffuse_pdf(normal: wp.vec3, wi: wp.vec3) -> float:
     """pdf_solid_angle of `sample_diffuse`, and the BSDF times the cosine over the reflectance."""
     return wp.max(wp.dot(normal, wi), 0.0) / PI
 
 
-@wp.func
+@wp.func(inline=True)
 def sample_diffuse(normal: wp.vec3, xi1: float, xi2: float) -> wp.vec3:
     """A direction distributed as the cosine around the normal; its weight is the reflectance."""
     cosine = wp.sqrt(xi1)
-    return turn(normal, (1.0 - xi1) / (1.0 + cosine), 2.0 * PI * xi2)
+    return turn(normal, (1.0 - xi1) / (1.0 + cosine), xi2)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Regime = Literal["exponential", "white", "pink", "negative", "fbm", "kfbm"]
+LawKind = Literal["exponential", "power", "fractional"]
 
 REGIME_NAMES: dict[Regime, str] = {
     "exponential": "classical exponential",
@@ -62,6 +63,13 @@ class LineLaw:
     def is_exponential(self) -> bool:
         """True where Tr is exp(-rate u): no correlation, or white noise."""
         return self.kappa == 0.0 or self.b == 0.0
+
+    @property
+    def kind(self) -> LawKind:
+        """Which of the law's three forms applies: b = 0 or no correlation, b = 1, or any other b."""
+        if self.is_exponential:
+            return "exponential"
+        return "power" if self.b == 1 else "fractional"
 
     def line_variance(self, t: float) -> float:
         """v(t): variance of the extinction averaged over a segment of length t > 0 [1/length^2]."""

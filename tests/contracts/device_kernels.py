@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.device import bvh, law, lights, phase, rng, surfaces
-from fgf_warp.device.geometry import MISS, Hit
+from fgf_warp.device.geometry import MISS, Hit, Start
 from fgf_warp.device.law import Law
 from fgf_warp.theory.law import LineLaw
 from fgf_warp.upload import FlightTables, build_device_law, build_device_meshes
@@ -96,10 +96,10 @@ def sample_light_kernel(
 
 
 @wp.kernel(enable_backward=False)
-def philox_kernel(seed: wp.uint64, counter: wp.array(dtype=wp.vec4ui), rounds: int, out: wp.array(dtype=wp.vec4ui)):
+def philox_kernel(seed: wp.uint64, counter: wp.array(dtype=wp.vec4ui), out: wp.array(dtype=wp.vec4ui)):
     i = wp.tid()
     c = counter[i]
-    out[i] = rng.philox(seed, c[0], c[1], c[2], c[3], rounds)
+    out[i] = rng.philox(seed, c[0], c[1], c[2], c[3])
 
 
 @wp.kernel(enable_backward=False)
@@ -152,19 +152,22 @@ def _floats(values) -> wp.array:
     return wp.array(np.asarray(values, dtype=np.float32), dtype=float, device="cpu")
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, module="unique", module_options={"fuse_fp": False})
 def meet_meshes_kernel(
     tree: bvh.Bvh,
     origin: wp.array(dtype=wp.vec3),
     direction: wp.array(dtype=wp.vec3),
-    inside: wp.uint64,
+    inside: wp.uint32,
     t: wp.array(dtype=float),
     normal: wp.array(dtype=wp.vec3),
 ):
     i = wp.tid()
     hit = Hit()
     hit.t = 1.0e30
-    hit = bvh.intersect_meshes(tree, origin[i], direction[i], inside, hit)
+    start = Start()
+    start.inside = inside
+    start.crossed = -1
+    hit = bvh.intersect_meshes(tree, origin[i], direction[i], start, hit)
     t[i] = wp.where(hit.kind == MISS, -1.0, hit.t)
     normal[i] = hit.normal
 
@@ -179,7 +182,7 @@ def meet_meshes(meshes, origin, direction, inside: int = 0):
     wp.launch(
         meet_meshes_kernel,
         dim=len(rays[0]),
-        inputs=[tree, *rays, wp.uint64(inside)],
+        inputs=[tree, *rays, wp.uint32(inside)],
         outputs=[t, normal],
         device="cpu",
     )

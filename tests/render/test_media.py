@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fgf_warp.renderer import render
-from fgf_warp.scene import Medium, Mesh, Solid
+from fgf_warp.scene import Medium, Mesh, Solid, Surface
 from fgf_warp.settings import Aov, RenderSettings
 from fgf_warp.theory import kernels
 from tests import stats
@@ -58,9 +58,19 @@ def test_memory_restarts_at_boundaries():
     shell, core = transmittance(scene.media[0], 0.5), transmittance(inner, 1.0)
     stats.assert_means(*stats.image_mean(render(scene, SETTINGS)), shell * core * shell, detects=0.05)
 
-    buried = replace(scene, media=(scene.media[0], replace(inner, priority=-1)))
-    expected = shell * transmittance(scene.media[0], 1.0) * shell
-    stats.assert_means(*stats.image_mean(render(buried, SETTINGS)), expected, detects=0.1)
+
+@pytest.mark.parametrize("regime", ["pink", "fbm"])
+@pytest.mark.parametrize("buried", ["another medium", "the same medium"])
+def test_what_does_not_change_the_medium_does_not_end_its_memory(regime, buried):
+    """A buried container of lower priority, or a second one of the same medium, is not there."""
+    scene = furnace(albedo=BLACK, **REGIMES[regime])
+    other = Medium("/inner", 0.7, BLACK, hurst=0.3, white_noise_scale=0.5, outer_scale=5.0, priority=-1)
+    core = Solid("/core", "cube", transform(0.5), medium=1 if buried == "another medium" else 0)
+    scene = through_the_middle(replace(scene, shapes=(*scene.shapes, core), media=(scene.media[0], other)))
+    result = render(scene, replace(SETTINGS, aovs=frozenset(Aov)))
+    expected = transmittance(scene.media[0], 2.0)
+    stats.assert_means(*stats.image_mean(result), expected, detects=0.1)
+    assert np.abs(result.aovs[Aov.TRANSMITTANCE] / expected - 1).max() < 2e-5
 
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
@@ -92,6 +102,42 @@ def test_a_mesh_is_the_solid_that_it_draws():
     as_mesh = replace(scene, shapes=(Mesh("/box", CORNERS @ tilt.T, BOX, medium=0),))
     a, b = render(as_solid, replace(SETTINGS, seed=1)), render(as_mesh, replace(SETTINGS, seed=2))
     stats.assert_images_agree(a, b, blocks=4, detects=0.05)
+
+
+def box(kind, name, scale, at, **of_shape):
+    if kind == "solid":
+        return Solid(name, "cube", transform(scale, at), **of_shape)
+    return Mesh(name, CORNERS * scale + np.asarray(at), BOX, **of_shape)
+
+
+@pytest.mark.parametrize("kinds", [("solid", "solid"), ("mesh", "mesh"), ("solid", "mesh"), ("mesh", "solid")], ids=str)
+@pytest.mark.parametrize("gap", [0.0, 1e-3])
+def test_media_that_touch_are_both_there(kinds, gap):
+    """Two absorbing blocks of depth 1, one behind the other, seen at a slant through their common face."""
+    scene = furnace(albedo=BLACK, mean_extinction=1.0, hurst=-0.25, white_noise_scale=0.5)
+    first = box(kinds[0], "/first", (9, 9, 0.5), (0, 0, 0.5), medium=0)
+    second = box(kinds[1], "/second", (9, 9, 0.5), (0, 0, -0.5 - gap), medium=1)
+    media = (scene.media[0], replace(scene.media[0], name="/other"))
+    view = camera((1.1, 0.7, 5), (0, 0, 0), aperture=1e-3)
+    slant = np.sqrt(1.1**2 + 0.7**2 + 25) / 5
+    result = render(replace(scene, shapes=(first, second), media=media, camera=view), replace(SETTINGS, spp=1024))
+    stats.assert_means(*stats.image_mean(result), transmittance(media[0], slant) ** 2, detects=0.02)
+
+
+@pytest.mark.parametrize("kinds", [("solid", "solid"), ("mesh", "mesh"), ("solid", "mesh"), ("mesh", "solid")], ids=str)
+def test_a_medium_that_stands_on_a_floor(kinds):
+    """The picture is that of the same block a thousandth above the floor, of which the floor sees as much."""
+    medium = dict(albedo=(0.8,) * 3, mean_extinction=1.0, hurst=-0.25, white_noise_scale=0.5)
+
+    def picture(gap, seed):
+        scene = furnace(**medium)
+        block = box(kinds[0], "/block", (0.8, 0.8, 0.8), (0, 0, 0.8 + gap), medium=0)
+        floor = box(kinds[1], "/floor", (6, 6, 0.5), (0, 0, -0.5), surface=Surface((0.7,) * 3))
+        view = camera((3, 2, 3), (0, 0, 0.3), aperture=0.9)
+        scene = replace(scene, shapes=(block, floor), camera=view)
+        return render(scene, replace(SETTINGS, spp=1024, seed=seed))
+
+    stats.assert_images_agree(picture(0.0, 1), picture(1e-3, 2), blocks=4, detects=0.02)
 
 
 @pytest.mark.parametrize("regime", ["white", "pink", "fbm"])

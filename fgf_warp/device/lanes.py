@@ -1,0 +1,271 @@
+"""Paths as structs, and a pool of them as rows of a scratch array, one row of `LANES` floats per number.
+
+The rows lie in one array that the kernel makes itself from a pointer: its stride is then known when it is compiled,
+and loops over lanes become vector code. (The stride of an array argument is known at run time only, and an index that
+might be negative is wrapped; each alone keeps such a loop scalar.) Loading and storing a whole path costs nothing:
+what a stage does not use is not loaded, and what it does not change is not stored.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from fgf_warp.device.geometry import Hit, Start
+
+LANES = wp.constant(128)
+
+
+@wp.struct
+class Path:
+    """A path, at an event or between two."""
+
+    pixel: int
+    sample: int
+    alive: int
+    origin: wp.vec3
+    direction: wp.vec3
+    throughput: wp.vec3
+    radiance: wp.vec3
+    alpha: float
+    truncated: int
+    bounce: int
+    """Events so far, crossings included: the address of random numbers."""
+    depth: int
+    """Scattering events so far."""
+    start: Start
+    segment: float
+    """Distance on the ray at which the path entered the medium that it is in."""
+    keeps: int
+    """1: what was crossed did not change the medium, and the flight goes on."""
+    crossings: int
+    """Boundaries crossed since the last scattering event."""
+    from_medium: int
+    """1: the segment began at a medium vertex, and its flight remembers the last one."""
+    pdf_direction: float
+    """pdf_solid_angle with which the path last scattered, at the ray's origin."""
+    channel: int
+    """Whose law the flights are sampled from, in a chromatic scene."""
+    channel_pdfs: wp.vec3
+    """Density of the path's flights under each channel, over that under `channel`."""
+    first_depth: float
+    first_transmittance: wp.vec3
+    first_albedo: wp.vec3
+    has_met_medium: int
+
+    xi: wp.vec4
+    """Of this event: flight, roulette, and two for the new direction."""
+    medium: int
+    """That the path flies in, or -1."""
+    flight: float
+    """Distance to the next scattering event, were the medium unbounded; before that, the exponent E."""
+    ln_ratio: float
+    """ln(u/E) of the flight; before that, its place in the flight table."""
+    reach: float
+    """How far ahead it matters what there is."""
+    hit: Hit
+    albedo: wp.vec3
+    """Of the surface that is met, or where media differ, of the medium."""
+    asymmetry: float
+    """Of the medium, where media differ."""
+    scatters: int
+    """SURFACE or BOUNDARY (in a medium) where this event scatters the path on, else MISS."""
+    wi: wp.vec3
+    """The new direction."""
+
+
+def slots(features: Any) -> dict[str, int]:
+    """First row of each number that paths carry between the stages of a scene of these features."""
+    sizes = {"pixel": 1, "sample": 1, "alive": 1, "origin": 3, "direction": 3, "throughput": 3, "radiance": 3}
+    sizes |= {"alpha": 1, "truncated": 1, "bounce": 1, "depth": 1, "xi": 4, "flight": 1, "hit_t": 1, "hit_kind": 1}
+    sizes |= {"hit_item": 1, "scatters": 1, "wi": 3}
+    if features.media:
+        sizes |= {
+            "inside": 1,
+            "t_min": 1,
+            "crossed": 1,
+            "slack": 1,
+            "segment": 1,
+            "keeps": 1,
+            "crossings": 1,
+            "from_medium": 1,
+            "medium": 1,
+            "ln_ratio": 1,
+        }
+    if features.media or features.surfaces:
+        sizes |= {"albedo": 3, "asymmetry": 1}
+    if features.surfaces or features.shaped_lights:
+        sizes |= {"normal": 3}
+    if features.connections:
+        sizes |= {"pdf_direction": 1}
+    if features.chromatic:
+        sizes |= {"channel": 1, "channel_pdfs": 3}
+    if features.aovs:
+        sizes |= {"first_depth": 1, "first_transmittance": 3, "first_albedo": 3, "has_met_medium": 1}
+    rows, place = {}, 0
+    for name, size in sizes.items():
+        rows[name] = place
+        place += size
+    return rows | {"": place}
+
+
+def lane_floats(features: Any) -> int:
+    """Floats of the pool's rows."""
+    return slots(features)[""] * int(LANES)
+
+
+@wp.func(inline=True)
+def get(lanes: wp.array(dtype=float), row: int, i: int) -> float:
+    """A float of lane i."""
+    return lanes[row * LANES + i]
+
+
+@wp.func(inline=True)
+def get_int(lanes: wp.array(dtype=float), row: int, i: int) -> int:
+    """An integer of lane i."""
+    return wp.cast(lanes[row * LANES + i], wp.int32)
+
+
+@wp.func(inline=True)
+def get3(lanes: wp.array(dtype=float), row: int, i: int) -> wp.vec3:
+    """A vector of lane i."""
+    at = row * LANES + i
+    return wp.vec3(lanes[at], lanes[at + LANES], lanes[at + 2 * LANES])
+
+
+@wp.func(inline=True)
+def put(lanes: wp.array(dtype=float), row: int, i: int, value: float):
+    """Sets a float of lane i."""
+    lanes[row * LANES + i] = value
+
+
+@wp.func(inline=True)
+def put_int(lanes: wp.array(dtype=float), row: int, i: int, value: int):
+    """Sets an integer of lane i."""
+    lanes[row * LANES + i] = wp.cast(value, wp.float32)
+
+
+@wp.func(inline=True)
+def put3(lanes: wp.array(dtype=float), row: int, i: int, value: wp.vec3):
+    """Sets a vector of lane i."""
+    at = row * LANES + i
+    lanes[at] = value[0]
+    lanes[at + LANES] = value[1]
+    lanes[at + 2 * LANES] = value[2]
+
+
+def build_lanes(features: Any) -> tuple[Any, Any, Any, Any]:
+    """Functions on lane i: load a path, store one, ask whether it is alive, and set its pixel and sample."""
+    at = slots(features)
+
+    @wp.func(inline=True)
+    def is_alive(lanes: wp.array(dtype=float), i: int) -> bool:
+        return get_int(lanes, wp.static(at["alive"]), i) == 1
+
+    @wp.func(inline=True)
+    def place_lane(lanes: wp.array(dtype=float), i: int, pixel: int, sample: int):
+        put_int(lanes, wp.static(at["pixel"]), i, pixel)
+        put_int(lanes, wp.static(at["sample"]), i, sample)
+
+    @wp.func(inline=True)
+    def load(lanes: wp.array(dtype=float), i: int) -> Path:
+        path = Path()
+        path.pixel = get_int(lanes, wp.static(at["pixel"]), i)
+        path.sample = get_int(lanes, wp.static(at["sample"]), i)
+        path.alive = get_int(lanes, wp.static(at["alive"]), i)
+        path.origin = get3(lanes, wp.static(at["origin"]), i)
+        path.direction = get3(lanes, wp.static(at["direction"]), i)
+        path.throughput = get3(lanes, wp.static(at["throughput"]), i)
+        path.radiance = get3(lanes, wp.static(at["radiance"]), i)
+        path.alpha = get(lanes, wp.static(at["alpha"]), i)
+        path.truncated = get_int(lanes, wp.static(at["truncated"]), i)
+        path.bounce = get_int(lanes, wp.static(at["bounce"]), i)
+        path.depth = get_int(lanes, wp.static(at["depth"]), i)
+        xi = wp.static(at["xi"])
+        path.xi = wp.vec4(get(lanes, xi, i), get(lanes, xi + 1, i), get(lanes, xi + 2, i), get(lanes, xi + 3, i))
+        path.flight = get(lanes, wp.static(at["flight"]), i)
+        path.hit.t = get(lanes, wp.static(at["hit_t"]), i)
+        path.hit.kind = get_int(lanes, wp.static(at["hit_kind"]), i)
+        path.hit.item = get_int(lanes, wp.static(at["hit_item"]), i)
+        path.scatters = get_int(lanes, wp.static(at["scatters"]), i)
+        path.wi = get3(lanes, wp.static(at["wi"]), i)
+        path.medium = -1
+        if wp.static("inside" in at):
+            path.start.inside = wp.uint32(get_int(lanes, wp.static(at["inside"]), i))
+            path.start.t_min = get(lanes, wp.static(at["t_min"]), i)
+            path.start.crossed = get_int(lanes, wp.static(at["crossed"]), i)
+            path.start.slack = get(lanes, wp.static(at["slack"]), i)
+            path.segment = get(lanes, wp.static(at["segment"]), i)
+            path.keeps = get_int(lanes, wp.static(at["keeps"]), i)
+            path.crossings = get_int(lanes, wp.static(at["crossings"]), i)
+            path.from_medium = get_int(lanes, wp.static(at["from_medium"]), i)
+            path.medium = get_int(lanes, wp.static(at["medium"]), i)
+            path.ln_ratio = get(lanes, wp.static(at["ln_ratio"]), i)
+        if wp.static("albedo" in at):
+            path.albedo = get3(lanes, wp.static(at["albedo"]), i)
+            path.asymmetry = get(lanes, wp.static(at["asymmetry"]), i)
+        if wp.static("normal" in at):
+            path.hit.normal = get3(lanes, wp.static(at["normal"]), i)
+        if wp.static("pdf_direction" in at):
+            path.pdf_direction = get(lanes, wp.static(at["pdf_direction"]), i)
+        if wp.static("channel" in at):
+            path.channel = get_int(lanes, wp.static(at["channel"]), i)
+            path.channel_pdfs = get3(lanes, wp.static(at["channel_pdfs"]), i)
+        if wp.static("first_depth" in at):
+            path.first_depth = get(lanes, wp.static(at["first_depth"]), i)
+            path.first_transmittance = get3(lanes, wp.static(at["first_transmittance"]), i)
+            path.first_albedo = get3(lanes, wp.static(at["first_albedo"]), i)
+            path.has_met_medium = get_int(lanes, wp.static(at["has_met_medium"]), i)
+        return path
+
+    @wp.func(inline=True)
+    def store(lanes: wp.array(dtype=float), i: int, path: Path):
+        put_int(lanes, wp.static(at["pixel"]), i, path.pixel)
+        put_int(lanes, wp.static(at["sample"]), i, path.sample)
+        put_int(lanes, wp.static(at["alive"]), i, path.alive)
+        put3(lanes, wp.static(at["origin"]), i, path.origin)
+        put3(lanes, wp.static(at["direction"]), i, path.direction)
+        put3(lanes, wp.static(at["throughput"]), i, path.throughput)
+        put3(lanes, wp.static(at["radiance"]), i, path.radiance)
+        put(lanes, wp.static(at["alpha"]), i, path.alpha)
+        put_int(lanes, wp.static(at["truncated"]), i, path.truncated)
+        put_int(lanes, wp.static(at["bounce"]), i, path.bounce)
+        put_int(lanes, wp.static(at["depth"]), i, path.depth)
+        xi = wp.static(at["xi"])
+        put(lanes, xi, i, path.xi[0])
+        put(lanes, xi + 1, i, path.xi[1])
+        put(lanes, xi + 2, i, path.xi[2])
+        put(lanes, xi + 3, i, path.xi[3])
+        put(lanes, wp.static(at["flight"]), i, path.flight)
+        put(lanes, wp.static(at["hit_t"]), i, path.hit.t)
+        put_int(lanes, wp.static(at["hit_kind"]), i, path.hit.kind)
+        put_int(lanes, wp.static(at["hit_item"]), i, path.hit.item)
+        put_int(lanes, wp.static(at["scatters"]), i, path.scatters)
+        put3(lanes, wp.static(at["wi"]), i, path.wi)
+        if wp.static("inside" in at):
+            put_int(lanes, wp.static(at["inside"]), i, wp.int32(path.start.inside))
+            put(lanes, wp.static(at["t_min"]), i, path.start.t_min)
+            put_int(lanes, wp.static(at["crossed"]), i, path.start.crossed)
+            put(lanes, wp.static(at["slack"]), i, path.start.slack)
+            put(lanes, wp.static(at["segment"]), i, path.segment)
+            put_int(lanes, wp.static(at["keeps"]), i, path.keeps)
+            put_int(lanes, wp.static(at["crossings"]), i, path.crossings)
+            put_int(lanes, wp.static(at["from_medium"]), i, path.from_medium)
+            put_int(lanes, wp.static(at["medium"]), i, path.medium)
+            put(lanes, wp.static(at["ln_ratio"]), i, path.ln_ratio)
+        if wp.static("albedo" in at):
+            put3(lanes, wp.static(at["albedo"]), i, path.albedo)
+            put(lanes, wp.static(at["asymmetry"]), i, path.asymmetry)
+        if wp.static("normal" in at):
+            put3(lanes, wp.static(at["normal"]), i, path.hit.normal)
+        if wp.static("pdf_direction" in at):
+            put(lanes, wp.static(at["pdf_direction"]), i, path.pdf_direction)
+        if wp.static("channel" in at):
+            put_int(lanes, wp.static(at["channel"]), i, path.channel)
+            put3(lanes, wp.static(at["channel_pdfs"]), i, path.channel_pdfs)
+        if wp.static("first_depth" in at):
+            put(lanes, wp.static(at["first_depth"]), i, path.first_depth)
+            put3(lanes, wp.static(at["first_transmittance"]), i, path.first_transmittance)
+            put3(lanes, wp.static(at["first_albedo"]), i, path.first_albedo)
+            put_int(lanes, wp.static(at["has_met_medium"]), i, path.has_met_medium)
+
+    return load, store, is_alive, place_lane
