@@ -262,7 +262,7 @@ def _check_finite(model: Model, state: State) -> None:
         for m in model.scene.media
     )
     raise NumericalError(
-        f"{int(invalid.sum())} samples are not finite, first in pixel ({column}, {row}) "
+        f"{int(invalid.sum())} samples are not finite, most of them in pixel ({column}, {row}) "
         f"with seed {model.settings.seed} ({media})"
     )
 

@@ -83,7 +83,9 @@ def upload(scene: Scene, settings: RenderSettings) -> UploadedScene:
     data.media = wp.array(media, dtype=medium.Medium, device=device)
     data.containers = wp.array([_container(s, scene) for s in containers], dtype=medium.Container, device=device)
     data.lights = wp.array(
-        [_light(light) for light in scene.lights if not isinstance(light, DomeLight)], dtype=lights.Light, device=device
+        [build_device_light(light) for light in scene.lights if not isinstance(light, DomeLight)],
+        dtype=lights.Light,
+        device=device,
     )
     data.flight_tables = wp.array(tables.rows(), dtype=wp.vec2, device=device)
     data.camera_inside = wp.uint32(containers_around(scene.camera.position, containers))
@@ -247,7 +249,8 @@ def _dome_radiance(scene: Scene) -> np.ndarray:
     return np.sum(domes, axis=0) if domes else np.zeros(3)
 
 
-def _light(light: DistantLight | AreaLight | SphereLight) -> Any:
+def build_device_light(light: DistantLight | AreaLight | SphereLight) -> Any:
+    """The device's view of a light that paths connect to."""
     result = lights.Light()
     result.radiance = wp.vec3(*light.radiance)
     if isinstance(light, DistantLight):

@@ -10,7 +10,6 @@ import warp as wp
 from fgf_warp.device.geometry import BOUNDARY, SURFACE, Hit, Start, coordinate_reach, is_inside
 from fgf_warp.device.numerics import INFINITE
 
-WIDTH = wp.constant(8)
 vec8 = wp.types.vector(length=8, dtype=wp.float32)
 vec8i = wp.types.vector(length=8, dtype=wp.int32)
 
@@ -19,7 +18,7 @@ BOX_ROWS = wp.constant(6)
 TRIANGLE_ROWS = wp.constant(9)
 """Rows of a leaf: x, y, z of the first, second and third corners; an empty place is a point."""
 STACK = wp.constant(96)
-"""Enough for 13 levels of 7 waiting children each; the builder refuses a deeper tree."""
+"""Enough for 13 levels of 7 waiting children each, and no tree is deeper."""
 BOX_SLACK = wp.constant(1.0000004)
 """1 + 2 gamma(3) of Ize."""
 NONE = wp.constant(2147483647)
@@ -133,8 +132,8 @@ def intersect_meshes(bvh: Bvh, origin: wp.vec3, direction: wp.vec3, start: Start
     near_y = wp.where(direction[1] < 0.0, 3, 2)
     near_z = wp.where(direction[2] < 0.0, 5, 4)
 
-    waiting = wp.zeros(shape=(96,), dtype=int)
-    waiting_t = wp.zeros(shape=(96,), dtype=float)
+    waiting = wp.zeros(shape=(wp.static(int(STACK)),), dtype=int)
+    waiting_t = wp.zeros(shape=(wp.static(int(STACK)),), dtype=float)
     depth = int(0)
     node = int(0)
     hit_leaf = int(-1)

@@ -181,7 +181,7 @@ def _kappa(hurst: float, white_noise_scale: float, mean_extinction: float, outer
         return _exp(log_k - (2 * hurst + 2) * math.log(mean_extinction))
     assert outer_scale is not None
     order = math.ceil(hurst)
-    log_binomial = sum(math.log((2 * hurst - j) / j) for j in range(1, order))
+    log_binomial = math.lgamma(2 * hurst) - math.lgamma(order) - math.lgamma(2 * hurst - order + 1)
     log_v = math.log(white_noise_scale) + log_binomial + 2 * hurst * math.log(outer_scale)
     log_v -= math.lgamma(2 * hurst + 2) + log_sine
     return _exp(log_v - 2 * math.log(mean_extinction))

@@ -8,9 +8,11 @@ import warp as wp
 from fgf_warp.features import required_features
 from fgf_warp.integrator import build_program
 from fgf_warp.renderer import render
+from fgf_warp.scene import Mesh
 from fgf_warp.settings import Aov, RenderSettings
 from tests import stats
 from tests.grid import REGIMES
+from tests.render.test_media import BOX, CORNERS
 from tests.render.test_render import full_scene
 from tests.scenes import furnace
 
@@ -18,9 +20,18 @@ HOPPER = 90
 SETTINGS = RenderSettings(width=64, height=64, spp=256, aovs=frozenset(Aov))
 
 
-@pytest.mark.parametrize("make", [full_scene, lambda: furnace(extinction_color=(1, 2, 3))], ids=["full", "chromatic"])
+def mesh_scene():
+    scene = furnace(**REGIMES["pink"])
+    return replace(scene, shapes=(Mesh("/box", CORNERS, BOX, medium=0),))
+
+
+@pytest.mark.parametrize(
+    "make",
+    [full_scene, mesh_scene, lambda: furnace(extinction_color=(1, 2, 3))],
+    ids=["full", "mesh", "chromatic"],
+)
 def test_the_kernel_builds_for_cuda(make, tmp_path):
-    kernel = build_program(required_features(make(), SETTINGS)).kernel
+    kernel = build_program(required_features(make(), SETTINGS)).render_threads
     wp.compile_aot_module(kernel.module, arch=HOPPER, module_dir=str(tmp_path), use_ptx=True)
     assert any(path.stat().st_size > 10_000 for path in tmp_path.glob("*.ptx"))
 
