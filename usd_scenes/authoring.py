@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import operator
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import Literal
 
@@ -18,13 +20,13 @@ def author_fgf_medium(
     material: Usd.Prim | UsdShade.Material,
     *,
     mean_extinction: float,
-    albedo: Rgb = WHITE,
+    albedo: Sequence[float] = WHITE,
     asymmetry: float = 0.0,
     hurst: float = -0.5,
     white_noise_scale: float = 0.0,
     outer_scale: float | None = None,
     kappa: float | None = None,
-    extinction_color: Rgb = WHITE,
+    extinction_color: Sequence[float] = WHITE,
     transport: Transport | None = None,
     boundary: Boundary = "none",
     priority: int = 0,
@@ -52,19 +54,23 @@ def author_fgf_medium(
     """
     prim = material.GetPrim()
     path = str(prim.GetPath())
-    medium = Medium(
-        name=path,
-        mean_extinction=mean_extinction,
-        albedo=albedo,
-        asymmetry=asymmetry,
-        hurst=hurst,
-        white_noise_scale=white_noise_scale,
-        outer_scale=outer_scale,
-        kappa=kappa,
-        extinction_color=extinction_color,
-        transport=transport,
-        priority=priority,
-    )
+    try:
+        # Plain numbers, whatever sequences or NumPy scalars they came as.
+        medium = Medium(
+            name=path,
+            mean_extinction=float(mean_extinction),
+            albedo=_rgb(albedo),
+            asymmetry=float(asymmetry),
+            hurst=float(hurst),
+            white_noise_scale=float(white_noise_scale),
+            outer_scale=None if outer_scale is None else float(outer_scale),
+            kappa=None if kappa is None else float(kappa),
+            extinction_color=_rgb(extinction_color),
+            transport=transport,
+            priority=operator.index(priority),
+        )
+    except (TypeError, ValueError) as error:
+        raise SceneError(f"{path}: a value is not of the kind that its parameter takes: {error}") from error
     if boundary not in schema.BOUNDARIES:
         raise SceneError(f"{path}: boundary = {boundary!r}; accepted: {', '.join(schema.BOUNDARIES)}")
     schema.register()
@@ -77,6 +83,11 @@ def author_fgf_medium(
             if field.name != "name" and value is not None:
                 prim.GetAttribute(schema.MEDIUM_ATTRIBUTES[field.name]).Set(_as_usd(value))
         prim.GetAttribute(schema.BOUNDARY_ATTRIBUTE).Set(boundary)
+
+
+def _rgb(color: Sequence[float]) -> Rgb:
+    red, green, blue = (float(channel) for channel in color)
+    return red, green, blue
 
 
 def _as_usd(value: float | str | Rgb) -> float | str | Gf.Vec3f:

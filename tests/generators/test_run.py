@@ -186,13 +186,20 @@ def test_interrupted_run_goes_on_where_it_was(tmp_path, dataset, fake_renderer, 
     def interrupt_the_third(scene, settings, progress=None):
         if len(fake_renderer) == 2:
             os.kill(os.getpid(), signal.SIGINT)
-            while not stopped.wait(0.01):
+            for _ in range(3000):
+                stopped.wait(0.01)
                 progress(0, 1)
+            raise AssertionError("the interrupt did not stop the run")
         return render(scene, settings, progress)
 
     stopped = threading.Event()
     monkeypatch.setattr(fgf_warp.renderer, "render", interrupt_the_third)
-    report = run.generate(plan, loaded, folder, workers=1)
+    # A process that was started in the background may ignore the signal.
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        report = run.generate(plan, loaded, folder, workers=1)
+    finally:
+        signal.signal(signal.SIGINT, handler)
     assert (report.interrupted, report.finished, report.is_complete) == (True, 2, False)
     assert labels(folder).num_rows == 2
     assert len(image_bytes(folder)) == 4

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
-from pxr import Usd, UsdGeom, UsdShade
+from pxr import Gf, Usd, UsdGeom, UsdShade
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import Medium
@@ -88,3 +89,26 @@ def test_reauthoring_replaces_the_values(stage: Usd.Stage, tmp_path: Path) -> No
     stage.Export(str(tmp_path / "stage.usdc"))
     (medium,) = read_scene(tmp_path / "stage.usdc").scene.media
     assert medium == replace(Medium(name="/Look", **VALUES), asymmetry=0.5)
+
+
+def test_numbers_may_come_as_numpy_or_lists():
+    stage = Usd.Stage.CreateInMemory()
+    material = UsdShade.Material.Define(stage, "/M")
+    author_fgf_medium(
+        material,
+        mean_extinction=np.float32(2.0),
+        albedo=np.array([0.5, 0.25, 1.0]),
+        hurst=np.float64(-0.25),
+        extinction_color=[1, 2, 3],
+    )
+    assert material.GetPrim().GetAttribute("inputs:fgf:albedo").Get() == Gf.Vec3f(0.5, 0.25, 1.0)
+    assert material.GetPrim().GetAttribute("inputs:fgf:extinctionColor").Get() == Gf.Vec3f(1, 2, 3)
+
+
+@pytest.mark.parametrize("wrong", [dict(albedo=0.9), dict(hurst="a"), dict(priority=1.5), dict(albedo=(1.0, 1.0))])
+def test_values_of_the_wrong_kind_author_nothing(wrong):
+    stage = Usd.Stage.CreateInMemory()
+    material = UsdShade.Material.Define(stage, "/M")
+    with pytest.raises(SceneError, match="/M: "):
+        author_fgf_medium(material, **(dict(mean_extinction=2.0) | wrong))
+    assert not material.GetPrim().GetAppliedSchemas()

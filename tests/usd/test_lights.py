@@ -173,7 +173,12 @@ def test_what_is_ignored_is_named(read, kind: str, body: str, name: str) -> None
 
 
 def test_default_values_need_no_warning(read) -> None:
-    assert read(light_prim("RectLight", "float inputs:diffuse = 1\nbool inputs:shadow:enable = 1")).warnings == ()
+    light = light_prim("RectLight", "float inputs:diffuse = 1\nbool inputs:shadow:enable = 1")
+    assert read(light + 'def Sphere "Ball"\n{\n}\n').warnings == ()
+
+
+def test_a_stage_without_geometry_is_named(read) -> None:
+    assert [w for w in read(light_prim("RectLight", "")).warnings if w.startswith("no geometry")]
 
 
 def test_unsupported_lights_are_named(read) -> None:

@@ -156,7 +156,9 @@ def test_a_lens_without_length_is_refused(read) -> None:
 
 
 def test_what_the_pinhole_ignores_is_named(read) -> None:
-    reading = read('def Camera "O"\n{\n float fStop = 2\n float2 clippingRange = (1, 100)\n}', camera="")
+    reading = read(
+        'def Camera "O"\n{\n float fStop = 2\n float2 clippingRange = (1, 100)\n}\ndef Sphere "Ball"\n{\n}', camera=""
+    )
     assert reading.warnings == (
         "the camera is a pinhole without clipping and makes no use of clippingRange, fStop: /O",
     )

@@ -103,6 +103,8 @@ def _read(
     shapes, lights = _read_prims(context, materials)
     if camera_prim is None:
         context.notes.add("no camera: the view is from the front and holds everything")
+    if not shapes:
+        context.notes.add("no geometry: only the lights are seen; a medium needs a closed shape that it is bound to")
     if not lights:
         context.notes.add("no light: an environment of radiance 1 is used")
     scene = Scene(
