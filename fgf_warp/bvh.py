@@ -31,6 +31,11 @@ class WideTree:
     owners: np.ndarray
 
 
+def load_builder() -> None:
+    """Compiles the builder where that has not been done, so that threads do not do it at the same time."""
+    build_tree.module.load(wp.get_device("cpu"), 1)
+
+
 def build_wide_tree(corners: Sequence[np.ndarray]) -> WideTree:
     """The tree over the triangles of all meshes.
 

@@ -213,7 +213,7 @@ def build_program(features: RenderFeatures) -> Program:
             more = uniforms(seed, before.pixel, before.sample, before.bounce, CORRELATED_FLIGHT)
             u = wp.where(remembers, shorten_fractional(medium.law, u, more[0], more[1]), u)
         is_in_medium = before.start.inside != wp.uint32(0)
-        path.medium = wp.where(is_in_medium, 0, -1)
+        path.medium = wp.where(is_in_medium, medium.index, -1)
         ends = before.segment + wp.min(u / medium.extinction[0], 0.5 * INFINITE)
         path.flight = wp.where(is_in_medium, ends, INFINITE)
         return path
@@ -243,10 +243,9 @@ def build_program(features: RenderFeatures) -> Program:
         margin = float(0.0)
         if wp.static(features.meshes):
             margin = 2.0 * MARGIN * coordinate_reach(before.origin, before.flight)
-        path.reach = wp.where(before.medium >= 0, before.flight + margin, INFINITE)
+        path.hit.t = wp.where(before.medium >= 0, before.flight + margin, INFINITE)
         if wp.static(sees_first_segment):
-            path.reach = wp.where(before.depth == 0, INFINITE, path.reach)
-        path.hit.t = path.reach
+            path.hit.t = wp.where(before.depth == 0, INFINITE, path.hit.t)
         path.hit.kind = MISS
         return path
 

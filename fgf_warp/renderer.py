@@ -15,6 +15,7 @@ import numpy as np
 import warp as wp
 
 from fgf_warp import __version__
+from fgf_warp.bvh import load_builder
 from fgf_warp.errors import ConfigError, NumericalError
 from fgf_warp.features import required_features
 from fgf_warp.integrator import SAMPLE_FLOATS, Film, Program, build_program, lane_floats
@@ -77,6 +78,8 @@ def prepare(scene: Scene, settings: RenderSettings) -> Program:
     check_device(settings.device)
     with _build_lock:
         program = build_program(required_features(scene, settings))
+        if program.features.meshes:
+            load_builder()
         if settings.device == "cpu":
             # A launch on the CPU asks for blocks of one thread, and would build anew for any other.
             program.render_pool.module.load(wp.get_device("cpu"), 1)

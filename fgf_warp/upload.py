@@ -70,7 +70,7 @@ def upload(scene: Scene, settings: RenderSettings) -> UploadedScene:
         )
     solids = [_solid(shape, shapes, containers) for shape in shapes if isinstance(shape, Solid)]
     tables = FlightTables()
-    media = [_medium(item, tables) for item in scene.media]
+    media = [_medium(index, item, tables) for index, item in enumerate(scene.media)]
 
     data = SceneData()
     data.camera = _camera(scene.camera, settings.width, settings.height)
@@ -180,10 +180,11 @@ def build_device_meshes(shapes: Sequence[Shape], containers: Sequence[Shape], de
     return result
 
 
-def _medium(item: Medium, tables: FlightTables) -> Any:
+def _medium(index: int, item: Medium, tables: FlightTables) -> Any:
     reciprocal = item.resolved_transport == "reciprocal"
     channels = [build_device_law(line, reciprocal, tables) for line in item.channel_laws]
     result = medium.Medium()
+    result.index = index
     result.extinction = wp.vec3(*(max(line.mean_extinction, EXTINCTION_FLOOR) for line in item.channel_laws))
     result.albedo = wp.vec3(*item.albedo)
     result.asymmetry = item.asymmetry

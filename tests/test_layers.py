@@ -32,6 +32,7 @@ ALLOWED = {
     ),
     "fgf_warp.renderer": (
         "fgf_warp",
+        "fgf_warp.bvh",
         "fgf_warp.errors",
         "fgf_warp.features",
         "fgf_warp.integrator",

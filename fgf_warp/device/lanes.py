@@ -60,8 +60,6 @@ class Path:
     """Distance to the next scattering event, were the medium unbounded; before that, the exponent E."""
     ln_ratio: float
     """ln(u/E) of the flight; before that, its place in the flight table."""
-    reach: float
-    """How far ahead it matters what there is."""
     hit: Hit
     albedo: wp.vec3
     """Of the surface that is met, or where media differ, of the medium."""

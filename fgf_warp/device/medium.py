@@ -10,6 +10,8 @@ from fgf_warp.device.law import Law
 class Medium:
     """A homogeneous medium; its channels differ in albedo, and in extinction where the scene is chromatic."""
 
+    index: int
+    """Its place among the scene's media."""
     extinction: wp.vec3
     """sigma_m per channel [1/stage unit], > 0."""
     albedo: wp.vec3

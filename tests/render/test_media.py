@@ -44,6 +44,18 @@ def test_camera_inside(regime):
     stats.assert_means(*stats.image_mean(render(scene, SETTINGS)), transmittance(scene.media[0], 1.0), detects=0.05)
 
 
+def test_the_only_medium_in_use_need_not_be_the_first():
+    scene = through_the_middle(furnace(albedo=BLACK, **REGIMES["pink"]))
+    unused = Medium("/unused", 0.1, BLACK)
+    ball = replace(scene.shapes[0], medium=1)
+    result = render(
+        replace(scene, shapes=(ball,), media=(unused, scene.media[0])), replace(SETTINGS, aovs=frozenset(Aov))
+    )
+    expected = transmittance(scene.media[0], 2.0)
+    stats.assert_means(*stats.image_mean(result), expected, detects=0.2)
+    assert np.abs(result.aovs[Aov.TRANSMITTANCE] / expected - 1).max() < 2e-5
+
+
 def test_memory_restarts_at_boundaries():
     """Of nested media the one of higher priority fills the space, and each segment begins anew."""
     scene = furnace(albedo=BLACK, **REGIMES["pink"])
