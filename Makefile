@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: dataset test test-slow lint install
+.PHONY: dataset test test-slow bench lint install
 
 dataset: install
 	$(BIN)/fgf generate configs/quickstart.yaml
@@ -12,6 +12,10 @@ test: lint
 
 test-slow: install
 	$(BIN)/python -m pytest -m slow
+
+# Against Mitsuba 3, on a quiet machine: 10 to 15 minutes. It says so where it finds no LLVM of version 16 or newer.
+bench: .venv/installed-bench
+	$(BIN)/python -m tests.benchmarks --out docs
 
 lint: install
 	$(BIN)/ruff check .
@@ -23,4 +27,8 @@ install: .venv/installed
 .venv/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	@touch $@
+
+.venv/installed-bench: .venv/installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[bench]'
 	@touch $@

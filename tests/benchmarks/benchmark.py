@@ -1,0 +1,398 @@
+"""What is measured: every scene in alternation, one timing of ours, one of theirs, and again."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.benchmarks import scenes
+from tests.benchmarks.agreement import (
+    Agreement,
+    Estimate,
+    compare,
+    compare_means,
+    compare_pairs,
+    estimate,
+    mean_squared_error,
+)
+from tests.benchmarks.limit import FLAGS, Walk, build_walk, run_walk
+from tests.benchmarks.renderers import CPU_VARIANT, SCALAR_VARIANT, Measured, Mitsuba, Ours
+from tests.benchmarks.sides import Side
+
+PARTS = ("A", "B", "C", "S", "laws", "limit")
+"""What `--only` chooses from."""
+SWEEP_IMAGES = 256
+THREADS = 2
+"""For wall times."""
+
+TARGETS = {"A": 10.0, "B": 5.0, "C": 1.2, "S": 10.0}
+"""Ratios of CPU time per path that are aimed at, against Mitsuba's llvm variant."""
+SCALAR_TARGET = 35.0
+THREADS_TARGET = 1.8
+MEMORY_TARGET = 2**30
+EQUAL_ERROR = 0.01
+"""RMSE, relative to the image's mean, to which equal-error times are scaled."""
+
+LAWS: dict[str, dict[str, float]] = {
+    "exponential": {},
+    "power law, b = 1": {"hurst": 0.5, "kappa": 0.5},
+    "fractional, H = -0.25": {"hurst": -0.25, "kappa": 0.5},
+}
+"""Correlation of the media that are compared, all in reciprocal transport."""
+EVENTS_TOLERANCE = 0.02
+"""Relative, of mean numbers of scattering events that count as the same."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is done.
+
+    Args:
+        repeats: of each timing, in alternation.
+        seconds: that one timing should take.
+        sweep_step: every how manieth image of S is rendered.
+        reference_seconds: for the reference of equal-error times.
+    """
+
+    repeats: int
+    seconds: float
+    sweep_step: int
+    reference_seconds: float
+
+
+FULL = Effort(repeats=8, seconds=1.5, sweep_step=1, reference_seconds=20.0)
+QUICK = Effort(repeats=5, seconds=0.4, sweep_step=8, reference_seconds=4.0)
+
+
+@dataclass
+class Row:
+    """One line of the table: what ours and theirs came to, the smaller the better.
+
+    Args:
+        scene: of the benchmark.
+        quantity: what is compared.
+        unit: of `ours` and `theirs`.
+        ours: medians over the repeats.
+        theirs: the same; None where nothing is compared with.
+        ratio: theirs over ours, the median over the repeats.
+        spread: the least and the largest ratio of a repeat.
+        target: of the ratio; None where none is set.
+        agreement: of the images; None where the row needs none.
+        note: for the reader.
+    """
+
+    scene: str
+    quantity: str
+    unit: str
+    ours: float
+    theirs: float | None
+    ratio: float | None
+    spread: tuple[float, float] | None = None
+    target: float | None = None
+    agreement: Agreement | None = None
+    note: str = ""
+
+    @property
+    def failed(self) -> bool:
+        """True where the images disagree."""
+        return self.agreement is not None and not self.agreement.holds
+
+
+@dataclass
+class Report:
+    """All that was measured."""
+
+    rows: list[Row] = field(default_factory=list)
+    versions: dict[str, str] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+class Benchmark:
+    """The processes of both sides, and what they were asked so far.
+
+    Args:
+        effort: how much to do.
+        say: prints a line of progress.
+    """
+
+    def __init__(self, effort: Effort, say: Callable[[str], None]) -> None:
+        self.effort = effort
+        self.report = Report()
+        self._say = say
+        self._folder = tempfile.TemporaryDirectory()
+        self._sides: dict[str, Side] = {}
+        self._events_per_path: float | None = None
+
+    def run(self, parts: Sequence[str]) -> Report:
+        """Measures some of PARTS."""
+        start = time.perf_counter()
+        try:
+            for part in parts:
+                self._say(f"{part}:")
+                {"S": self.sweep, "laws": self.laws, "limit": self.limit}.get(part, lambda: self.scene(part))()  # noqa: B023
+        finally:
+            for side in self._sides.values():
+                side.close()
+        self.report.seconds = time.perf_counter() - start
+        return self.report
+
+    def scene(self, name: str) -> None:
+        """Scenes A, B and C: times, two threads, and equal error."""
+        ours, theirs = self._side("ours"), self._side(CPU_VARIANT)
+        pairs = {CPU_VARIANT: theirs}
+        if name != "B":  # Where all light is a constant environment, this is the faster way.
+            pairs[f"{CPU_VARIANT}, no emitter sampling in the medium"] = self._side("phase only")
+        if name == "A":
+            pairs[SCALAR_VARIANT] = self._side(SCALAR_VARIANT)
+        stage = self._stage(name)
+        spp = {side.name: self._warm_up(side, name, stage) for side in (ours, *pairs.values())}
+        runs: dict[str, list[Measured]] = {label: [] for label in ("ours", *pairs)}
+        wall: dict[str, list[Measured]] = {"ours": [], CPU_VARIANT: []}
+        for repeat in range(self.effort.repeats):
+            for label, side in {"ours": ours, **pairs}.items():
+                runs[label].append(side.render(name, spp[side.name], seed=1 + repeat, threads=1))
+            for label, side in {"ours": ours, CPU_VARIANT: theirs}.items():
+                wall[label].append(side.render(name, spp[side.name], seed=101 + repeat, threads=THREADS))
+            self._say_speeds(name, repeat, runs)
+        for label in pairs:
+            agreement = compare(_estimate(runs["ours"]), _estimate(runs[label]))
+            target = {CPU_VARIANT: TARGETS[name], SCALAR_VARIANT: SCALAR_TARGET}.get(label)
+            self._compare(name, f"CPU time, {label}", runs["ours"], runs[label], _cpu, target, agreement)
+        agreement = compare(*map(_estimate, wall.values()))
+        self._compare(name, f"wall time of two threads, {CPU_VARIANT}", *wall.values(), _wall, None, agreement)
+        self._compare_threads(name, wall["ours"], runs["ours"])
+        self._equal_error(name, runs, spp["ours"])
+
+    def sweep(self) -> None:
+        """Scene S: batches that are each a fair sample of all its media."""
+        ours, theirs = self._side("ours, S"), self._side(CPU_VARIANT)
+        stage = self._stage("S")
+        indices = list(range(0, SWEEP_IMAGES, self.effort.sweep_step))
+        for side in (ours, theirs):
+            side.load("S", stage)
+            side.sweep("S", indices[:2], scenes.SWEEP_SPP, seed=0, threads=1)  # Compiles.
+        # All images at once, for the memory that this takes.
+        whole = ours.sweep("S", indices, scenes.SWEEP_SPP, seed=7, threads=THREADS)
+        self._say(f"  S: {len(indices)} images in one batch by ours: {whole.cost.wall_seconds:.1f} s")
+        batches = [indices[first :: self.effort.repeats] for first in range(self.effort.repeats)]
+        runs: dict[str, list[Measured]] = {"ours": [], CPU_VARIANT: []}
+        wall: dict[str, list[Measured]] = {"ours": [], CPU_VARIANT: []}
+        for repeat, batch in enumerate(batches):
+            for label, side in {"ours": ours, CPU_VARIANT: theirs}.items():
+                runs[label].append(side.sweep("S", batch, scenes.SWEEP_SPP, seed=1, threads=1))
+                wall[label].append(side.sweep("S", batch, scenes.SWEEP_SPP, seed=1001, threads=THREADS))
+            self._say_speeds("S", repeat, runs)
+        agreement = compare_pairs(*(np.concatenate([run.images for run in runs[label]]) for label in runs))
+        self._compare("S", f"CPU time, {CPU_VARIANT}", *runs.values(), _cpu, TARGETS["S"], agreement)
+        agreement = compare_pairs(*(np.concatenate([run.images for run in wall[label]]) for label in wall))
+        self._compare("S", f"wall time of two threads, {CPU_VARIANT}", *wall.values(), _wall, None, agreement)
+        self._compare_threads("S", wall["ours"], runs["ours"])
+        our_memory, their_memory = ours.peak_memory(), theirs.peak_memory()
+        self.report.rows.append(
+            Row(
+                "S",
+                "peak memory, against the target",
+                "MiB",
+                our_memory / 2**20,
+                MEMORY_TARGET / 2**20,
+                MEMORY_TARGET / our_memory,
+                target=1.0,
+                note=f"Mitsuba's process, after all that it rendered: {their_memory / 2**20:.0f} MiB",
+            )
+        )
+
+    def laws(self) -> None:
+        """The laws of correlated media against the exponential, at the same mean number of scattering events."""
+        ours, stage = self._side("ours"), self._stage("A")
+        wanted = self._mean_events(ours, stage, "exponential", scenes.SIGMA_T)
+        self.report.notes.append(
+            f"Scene A has {wanted:.3f} scattering events per camera path, those of roulette's survivors."
+        )
+        extinctions = {law: self._matching_extinction(ours, stage, law, wanted) for law in LAWS}
+        runs: dict[str, list[Measured]] = {law: [] for law in LAWS}
+        spp = {law: self._choose_spp(ours, f"A:{law}") for law in LAWS}
+        for repeat in range(self.effort.repeats):
+            for law, done in runs.items():
+                done.append(ours.render(f"A:{law}", spp[law], seed=1 + repeat, threads=1))
+            self._say_speeds("laws", repeat, runs)
+        for law, (sigma, events) in extinctions.items():
+            note = f"sigma_m {sigma:.3g}, {events:.3f} scattering events per path"
+            self._compare("A", f"CPU time, {law}", runs[law], runs["exponential"], _cpu, None, None, note)
+
+    def limit(self) -> None:
+        """Scene A against a C loop of the same random walk."""
+        program = build_walk(Path(self._folder.name))
+        if program is None:
+            text = "The C loop was skipped: there is no gcc on this machine."
+            self._say(f"  {text}")
+            self.report.notes.append(text)
+            return
+        ours, stage = self._side("ours"), self._stage("A")
+        spp = self._warm_up(ours, "A", stage)
+        paths = 1 << 20
+        paths = int(paths * self.effort.seconds / run_walk(program, paths, 0).cpu_seconds)
+        runs: list[Measured] = []
+        walks: list[Walk] = []
+        for repeat in range(self.effort.repeats):
+            runs.append(ours.render("A", spp, seed=1 + repeat, threads=1))
+            walks.append(run_walk(program, paths, seed=1 + repeat))
+            self._say(f"  limit {repeat + 1}/{self.effort.repeats}: {walks[-1].nanoseconds_per_event:.2f} ns per event")
+        events = statistics.mean(walk.events_per_path for walk in walks)
+        per_event = [_cpu(run) / events for run in runs]
+        loop = [walk.nanoseconds_per_event for walk in walks]
+        self.report.rows.append(
+            Row(
+                "A",
+                f"CPU time per scattering event, C loop (gcc {' '.join(FLAGS)})",
+                "ns",
+                statistics.median(per_event),
+                statistics.median(loop),
+                *_ratios(per_event, loop),
+                agreement=compare_means([float(run.images.mean()) for run in runs], [w.mean for w in walks]),
+                note=f"{events:.3f} scattering events per path",
+            )
+        )
+
+    # ---- parts of them
+
+    def _side(self, name: str) -> Side:
+        """The process of this name, started when it is first asked for."""
+        if name not in self._sides:
+            if name.startswith("ours"):
+                side = Side(name, Ours)
+            elif name == "phase only":
+                side = Side(name, Mitsuba, CPU_VARIANT, False)
+            else:
+                side = Side(name, Mitsuba, name)
+            self._sides[name] = side
+            self.report.versions |= side.versions()
+        return self._sides[name]
+
+    def _stage(self, name: str) -> Path:
+        return scenes.author(name, Path(self._folder.name))
+
+    def _warm_up(self, side: Side, name: str, stage: Path) -> int:
+        side.load(name, stage)
+        return self._choose_spp(side, name)
+
+    def _choose_spp(self, side: Side, key: str) -> int:
+        """A power of two that takes from one to two halves of the time of a timing; all is compiled thereby."""
+        side.render(key, 1, seed=0, threads=1)
+        spp = 1
+        while side.render(key, spp, seed=0, threads=1).cost.cpu_seconds < self.effort.seconds / 2:
+            spp *= 2
+        return spp
+
+    def _equal_error(self, name: str, runs: dict[str, list[Measured]], spp: int) -> None:
+        """Times until the image's RMSE is EQUAL_ERROR of its mean."""
+        # On two threads; of a seed that no other render has.
+        reference_spp = max(2, round(spp * THREADS * self.effort.reference_seconds / self.effort.seconds))
+        self._say(f"  {name}: a reference of {reference_spp} samples per pixel")
+        reference = self._side("ours").render(name, reference_spp, seed=99991, threads=THREADS)
+        known = Estimate(reference.images[0].astype(np.float64), reference.variances[0], reference_spp - 1)
+        goal = (EQUAL_ERROR * known.mean.mean()) ** 2
+        times: dict[str, list[float]] = {}
+        for label, done in runs.items():
+            error = statistics.mean(mean_squared_error(run.images[0], known) for run in done)
+            times[label] = [run.cost.cpu_seconds * error / goal for run in done]
+        for label in list(runs)[1:]:
+            self.report.rows.append(
+                Row(
+                    name,
+                    f"CPU time to an RMSE of {EQUAL_ERROR:.0%} of the mean, {label}",
+                    "s",
+                    statistics.median(times["ours"]),
+                    statistics.median(times[label]),
+                    *_ratios(times["ours"], times[label]),
+                    agreement=compare(known, _estimate(runs[label])),
+                )
+            )
+
+    def _matching_extinction(self, ours: Side, stage: Path, law: str, wanted: float) -> tuple[float, float]:
+        """The sigma_m at which a law has the wanted mean number of scattering events, and that number, by secants."""
+        tried = [(math.log(scenes.SIGMA_T), self._mean_events(ours, stage, law, scenes.SIGMA_T))]
+        while abs(tried[-1][1] / wanted - 1) > EVENTS_TOLERANCE / 2 and len(tried) < 12:
+            slope = 0.8
+            if len(tried) > 1:
+                (x0, y0), (x1, y1) = tried[-2:]
+                slope = max(0.1, math.log(y1 / y0) / (x1 - x0))
+            x = tried[-1][0] + math.log(wanted / tried[-1][1]) / slope
+            tried.append((x, self._mean_events(ours, stage, law, math.exp(x))))
+        sigma, events = math.exp(tried[-1][0]), tried[-1][1]
+        if abs(events / wanted - 1) > EVENTS_TOLERANCE:
+            raise RuntimeError(
+                f"{law}: {events:.3f} scattering events per path at sigma_m {sigma:.3g}, not {wanted:.3f}"
+            )
+        self._say(f"  {law}: sigma_m {sigma:.3f} for {events:.3f} scattering events per path")
+        return sigma, events
+
+    def _mean_events(self, ours: Side, stage: Path, law: str, sigma: float) -> float:
+        ours.load(f"A:{law}", stage, scenes.medium(sigma, **LAWS[law]))
+        return float(ours.mean_events(f"A:{law}", 4, seed=5))
+
+    def _compare(
+        self,
+        scene: str,
+        quantity: str,
+        ours: Sequence[Measured],
+        theirs: Sequence[Measured],
+        time_of: Callable[[Measured], float],
+        target: float | None,
+        agreement: Agreement | None,
+        note: str = "",
+    ) -> None:
+        """A row of times per camera path."""
+        our_times, their_times = ([time_of(run) for run in side] for side in (ours, theirs))
+        self.report.rows.append(
+            Row(
+                scene,
+                quantity,
+                "ns/path",
+                statistics.median(our_times),
+                statistics.median(their_times),
+                *_ratios(our_times, their_times),
+                target,
+                agreement,
+                note,
+            )
+        )
+
+    def _compare_threads(self, scene: str, two: Sequence[Measured], one: Sequence[Measured]) -> None:
+        """A row of ours alone: wall time of one thread against that of two."""
+        self._compare(scene, "wall time, ours on two threads against one", two, one, _wall, THREADS_TARGET, None)
+
+    def _say_speeds(self, name: str, repeat: int, runs: dict[str, list[Measured]]) -> None:
+        speeds = ", ".join(f"{label} {1e3 / _cpu(done[-1]):.3g}" for label, done in runs.items())
+        self._say(f"  {name} {repeat + 1}/{self.effort.repeats}: million paths per CPU second: {speeds}")
+
+
+def _estimate(runs: Sequence[Measured]) -> Estimate:
+    return estimate(np.concatenate([run.images for run in runs]))
+
+
+def _cpu(run: Measured) -> float:
+    """[ns] per path."""
+    return 1e9 * run.cost.cpu_seconds / run.paths
+
+
+def _wall(run: Measured) -> float:
+    """[ns] per path."""
+    return 1e9 * run.cost.wall_seconds / run.paths
+
+
+def _ratios(ours: Sequence[float], theirs: Sequence[float]) -> tuple[float, tuple[float, float]]:
+    """Theirs over ours: the median over repeats, and the least and the largest."""
+    found = [b / a for a, b in zip(ours, theirs, strict=True)]
+    return statistics.median(found), (min(found), max(found))

@@ -1,0 +1,104 @@
+"""The benchmark's own tools; nothing here is timed."""
+
+import math
+import shutil
+
+import numpy as np
+import pytest
+
+from fgf_warp.scene import AreaLight, Mesh, Solid, count_open_edges
+from tests.benchmarks import llvm, scenes
+from tests.benchmarks.agreement import compare, compare_pairs, estimate
+from tests.benchmarks.limit import build_walk, run_walk
+
+
+@pytest.mark.parametrize(
+    ("name", "version"),
+    [
+        ("libLLVM-19.so", 19),
+        ("libLLVM-19.so.1", 19),
+        ("libLLVM.so.19.1", 19),
+        ("libLLVM-14.0.6.so.1", 14),
+        ("libLLVM.so", 0),
+        ("libLLVMTableGen.so.19", 0),
+    ],
+)
+def test_reads_the_version_of_llvm_from_file_names(name, version):
+    assert llvm._version(name) == version
+
+
+def test_says_how_to_get_llvm(monkeypatch):
+    monkeypatch.delenv(llvm.VARIABLE, raising=False)
+    monkeypatch.setattr(llvm, "_candidates", lambda: iter(()))
+    with pytest.raises(llvm.LlvmNotFoundError, match=f"apt-get install libllvm19.*{llvm.VARIABLE}"):
+        llvm.provide_llvm()
+
+
+def test_keeps_the_llvm_that_is_set(monkeypatch):
+    monkeypatch.setenv(llvm.VARIABLE, "libLLVM.so")
+    assert llvm.provide_llvm() == "libLLVM.so"
+
+
+def test_the_mesh_is_closed_and_of_the_size_it_is_said_to_be():
+    points, triangles = scenes.bumpy_sphere()
+    corners = points[triangles]
+    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+
+    assert len(triangles) == 70224
+    assert count_open_edges(points, triangles) == 0
+    assert 0.9 * 4 / 3 * math.pi < volume < 1.1 * 4 / 3 * math.pi  # > 0: seen from outside counter-clockwise
+
+
+def test_stages_are_read_as_they_are_meant(tmp_path):
+    ball, box, mesh = (scenes.read(scenes.author(name, tmp_path)) for name in "ABC")
+
+    for scene in (ball, box, mesh):
+        assert (scene.media[0].mean_extinction, scene.media[0].asymmetry) == (2.5, 0.5)
+        assert scene.media[0].albedo == pytest.approx((0.8, 0.8, 0.8))
+    assert isinstance(mesh.shapes[0], Mesh)
+    assert [isinstance(shape, Solid) and shape.medium for shape in box.shapes] == [0, None]
+    (light,) = box.lights
+    assert isinstance(light, AreaLight)
+    assert np.cross(light.half_u, light.half_v) == pytest.approx((0, -1, 0))
+
+
+def test_the_sweep_has_256_different_media():
+    media = scenes.sweep_media()
+
+    assert len({(m.mean_extinction, m.albedo, m.asymmetry) for m in media}) == len(media) == 256
+
+
+def noisy_images(seed, *, count, bias=0.0):
+    """Half of each image is without noise, as where nothing is seen but the sky."""
+    noise = np.random.default_rng(seed).exponential(size=(count, 64, 64, 3)) - 1
+    noise[:, :, 32:] = 0
+    return (1 + bias + 0.1 * noise).astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    "agree",
+    [lambda a, b: compare(estimate(a), estimate(b)), compare_pairs],
+    ids=["renders of one image", "renders of many images"],
+)
+def test_images_agree_unless_one_is_biased(agree):
+    same = agree(noisy_images(1, count=8), noisy_images(2, count=8))
+    other = agree(noisy_images(1, count=8), noisy_images(2, count=8, bias=0.002))
+
+    assert same.holds
+    assert not other.holds
+
+
+def test_a_biased_block_is_seen():
+    biased = noisy_images(2, count=8)
+    biased[:, 8:16, 8:16] += 0.05
+
+    assert not compare(estimate(noisy_images(1, count=8)), estimate(biased)).holds
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no gcc")
+def test_the_loop_walks_as_the_theory_says(tmp_path):
+    walk = run_walk(build_walk(tmp_path), 1 << 20, seed=3)
+
+    # By an independent walk in float64, of 2e6 paths.
+    assert walk.events_per_path == pytest.approx(1.5905, abs=0.015)
+    assert walk.mean == pytest.approx(0.7632, abs=0.0015)
