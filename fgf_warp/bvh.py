@@ -1,6 +1,6 @@
-"""Builds the tree of `device/bvh.py`: top down, each node opened to eight children by the surface area heuristic.
+"""Builds the tree of `device/bvh.py`: binary by the surface area heuristic, then collapsed to sixteen children.
 
-Where that would make the tree deeper than a ray can keep track of, by count.
+Where that would make the tree deeper than a ray can keep track of, nodes have children of equal counts instead.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from fgf_warp.bvh_kernel import WIDTH, build_tree
+from fgf_warp.bvh_kernel import LEAF, WIDTH, open_nodes, split_ranges
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,9 +19,9 @@ class WideTree:
     """Arrays of the tree, on the host.
 
     Args:
-        boxes: (6 nodes, 8) float32; an empty child's box is inside out.
-        children: (nodes, 8) int32, another node, or -1 - the index of a leaf.
-        triangles: (9 leaves, 8) float32; an empty place repeats one corner.
+        boxes: (12 nodes, 8) float32, a coordinate of sixteen boxes in two rows; an empty child's box is inside out.
+        children: (2 nodes, 8) int32, another node, or -1 - the index of a leaf.
+        triangles: (9 leaves, 8) float32; an empty place is NaN.
         owners: (leaves, 8) int32, index of the triangle's mesh; -1 in an empty place.
     """
 
@@ -33,7 +33,7 @@ class WideTree:
 
 def load_builder() -> None:
     """Compiles the builder where that has not been done, so that threads do not do it at the same time."""
-    build_tree.module.load(wp.get_device("cpu"), 1)
+    open_nodes.module.load(wp.get_device("cpu"), 1)
 
 
 def build_wide_tree(corners: Sequence[np.ndarray]) -> WideTree:
@@ -46,44 +46,56 @@ def build_wide_tree(corners: Sequence[np.ndarray]) -> WideTree:
         A tree of at most `MAX_LEVELS` levels, wherever the triangles lie.
     """
     if not corners:
-        return WideTree(*(np.zeros((0, WIDTH), dtype) for dtype in (np.float32, np.int32, np.float32, np.int32)))
+        return WideTree(*(np.zeros((0, LEAF), dtype) for dtype in (np.float32, np.int32, np.float32, np.int32)))
     all_corners = np.concatenate(corners)
     owner = np.repeat(np.arange(len(corners), dtype=np.int32), [len(c) for c in corners])
     count = len(all_corners)
 
+    lo = wp.array(all_corners.min(axis=1), dtype=wp.vec3, device="cpu")
+    hi = wp.array(all_corners.max(axis=1), dtype=wp.vec3, device="cpu")
     order = wp.array(np.arange(count, dtype=np.int32), dtype=int, device="cpu")
-    boxes = wp.empty(shape=(count + 1, 6, WIDTH), dtype=float, device="cpu")
-    children = wp.zeros(shape=(count + 1, WIDTH), dtype=int, device="cpu")
+    ranges, areas = _split(lo, hi, order)
+    boxes = wp.empty(shape=(count, 6, WIDTH), dtype=float, device="cpu")
+    children = wp.zeros(shape=(count, WIDTH), dtype=int, device="cpu")
     leaves = wp.empty(shape=(count, 2), dtype=int, device="cpu")
     sizes = wp.zeros(2, dtype=int, device="cpu")
+    costs = wp.empty(shape=(len(areas), WIDTH + 1), dtype=float, device="cpu")
+    cuts = wp.empty(shape=(len(areas), WIDTH + 1), dtype=int, device="cpu")
+    waiting = wp.empty(shape=(count, 4), dtype=int, device="cpu")
     wp.launch(
-        build_tree,
+        open_nodes,
         dim=1,
-        inputs=[
-            wp.array(all_corners.min(axis=1), dtype=wp.vec3, device="cpu"),
-            wp.array(all_corners.max(axis=1), dtype=wp.vec3, device="cpu"),
-        ],
-        outputs=[order, wp.empty(shape=(count + 1, 3), dtype=int, device="cpu"), boxes, children, leaves, sizes],
+        inputs=[lo, hi, order, ranges, areas],
+        outputs=[costs, cuts, waiting, boxes, children, leaves, sizes],
         device="cpu",
     )
     node_count, leaf_count = (int(size) for size in sizes.numpy())
     return WideTree(
-        boxes=boxes.numpy()[:node_count].reshape(-1, WIDTH),
-        children=children.numpy()[:node_count],
+        boxes=boxes.numpy()[:node_count].reshape(-1, LEAF),
+        children=children.numpy()[:node_count].reshape(-1, LEAF),
         **_fill_leaves(leaves.numpy()[:leaf_count], order.numpy(), all_corners, owner),
     )
+
+
+def _split(lo: wp.array, hi: wp.array, order: wp.array) -> tuple[wp.array, wp.array]:
+    """Reorders triangles into ranges, (n, 3) int, and returns these and their boxes' areas."""
+    ranges = wp.empty(shape=(2 * len(order), 3), dtype=int, device="cpu")
+    areas = wp.empty(shape=2 * len(order), dtype=float, device="cpu")
+    size = wp.zeros(1, dtype=int, device="cpu")
+    wp.launch(split_ranges, dim=1, inputs=[lo, hi], outputs=[order, ranges, areas, size], device="cpu")
+    made = int(size.numpy()[0])
+    return ranges[:made], areas[:made]
 
 
 def _fill_leaves(
     leaves: np.ndarray, order: np.ndarray, corners: np.ndarray, owner: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """The leaves' rows; what a leaf does not fill repeats one corner and has no owner."""
-    lane = np.arange(WIDTH)
+    """The leaves' rows."""
+    lane = np.arange(LEAF)
     is_filled = lane < leaves[:, 1:]
     picked = order[np.where(is_filled, leaves[:, :1] + lane, leaves[:, :1])]
-    rows = corners[picked]
-    rows = np.where(is_filled[:, :, None, None], rows, rows[:, :, :1])
+    rows = np.where(is_filled[:, :, None, None], corners[picked], np.float32(np.nan))
     return {
-        "triangles": np.ascontiguousarray(rows.transpose(0, 2, 3, 1)).reshape(-1, WIDTH),
+        "triangles": np.ascontiguousarray(rows.transpose(0, 2, 3, 1)).reshape(-1, LEAF),
         "owners": np.where(is_filled, owner[picked], -1).astype(np.int32),
     }

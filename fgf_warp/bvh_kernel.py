@@ -1,12 +1,14 @@
-"""The tree builder's kernel: one thread on the CPU, since the builder is sequential and kernels live in files."""
+"""The tree builder's kernels: one thread on the CPU, since the builder is sequential and kernels live in files."""
 
 import warp as wp
 
-WIDTH = wp.constant(8)
-"""Children of a node and triangles of a leaf, at most: lanes of a row."""
+WIDTH = wp.constant(16)
+"""Children of a node, at most."""
+LEAF = wp.constant(8)
+"""Triangles of a leaf, at most."""
 BINS = wp.constant(16)
-MAX_LEVELS = wp.constant(13)
-"""As deep as the traversal's stack, and room for 8^14 triangles."""
+MAX_LEVELS = wp.constant(7)
+"""As deep as the traversal's stack, and room for 8 16^7 triangles."""
 UNBOUNDED = wp.constant(3.0e38)
 NO_WIDTH = wp.constant(1.0e-30)
 """A narrower range is not binned: the inverse of its width is not a float32."""
@@ -22,6 +24,12 @@ def half_area(extent: wp.vec3) -> float:
 def bin_of(lo: wp.vec3, hi: wp.vec3, axis: int, start: float, scale: float) -> int:
     """The bin in which a triangle's box has its (doubled) centre."""
     return wp.clamp(int((lo[axis] + hi[axis] - start) * scale), 0, BINS - 1)
+
+
+@wp.func
+def split_cost(extent: wp.vec3, count: int) -> float:
+    """Of one side of a split: whole leaves, so that leaves are full."""
+    return half_area(extent) * float((count + LEAF - 1) // LEAF)
 
 
 @wp.func
@@ -69,7 +77,7 @@ def split(
                 right_count += bin_count[b]
                 right_cost[b] = UNBOUNDED
                 if right_count > 0:
-                    right_cost[b] = half_area(right_hi - right_lo) * float(right_count)
+                    right_cost[b] = split_cost(right_hi - right_lo, right_count)
             left_lo = wp.vec3(UNBOUNDED)
             left_hi = wp.vec3(-UNBOUNDED)
             left_count = int(0)
@@ -78,7 +86,7 @@ def split(
                 left_hi = wp.max(left_hi, bin_hi[b - 1])
                 left_count += bin_count[b - 1]
                 if left_count > 0 and right_cost[b] < UNBOUNDED:
-                    cost = half_area(left_hi - left_lo) * float(left_count) + right_cost[b]
+                    cost = split_cost(left_hi - left_lo, left_count) + right_cost[b]
                     if cost < best_cost:
                         best_cost = cost
                         best_axis = axis
@@ -100,10 +108,88 @@ def split(
 
 
 @wp.kernel(enable_backward=False)
-def build_tree(
+def split_ranges(
     lo: wp.array(dtype=wp.vec3),
     hi: wp.array(dtype=wp.vec3),
     order: wp.array(dtype=int),
+    ranges: wp.array2d(dtype=int),
+    areas: wp.array(dtype=float),
+    size: wp.array(dtype=int),
+):
+    """Splits all triangles until every range fits in a leaf.
+
+    ranges: (first, count, left part or 0); the right part follows the left one, and both come after the whole.
+    size: how many ranges there are.
+    """
+    made = int(1)
+    ranges[0, 0] = 0
+    ranges[0, 1] = lo.shape[0]
+    one = int(0)
+    while one < made:
+        first = ranges[one, 0]
+        count = ranges[one, 1]
+        box_lo = wp.vec3(UNBOUNDED)
+        box_hi = wp.vec3(-UNBOUNDED)
+        for i in range(first, first + count):
+            box_lo = wp.min(box_lo, lo[order[i]])
+            box_hi = wp.max(box_hi, hi[order[i]])
+        areas[one] = half_area(box_hi - box_lo)
+        ranges[one, 2] = 0
+        if count > LEAF:
+            left = split(lo, hi, order, first, count)
+            ranges[one, 2] = made
+            ranges[made, 0] = first
+            ranges[made, 1] = left
+            ranges[made + 1, 0] = first + left
+            ranges[made + 1, 1] = count - left
+            made += 2
+        one += 1
+    size[0] = made
+
+
+@wp.func
+def choose_cuts(
+    ranges: wp.array2d(dtype=int),
+    areas: wp.array(dtype=float),
+    costs: wp.array2d(dtype=float),
+    cuts: wp.array2d(dtype=int),
+):
+    """Which ranges become nodes, for the least total area of nodes (Ylitie, Karras and Laine 2017, section 3).
+
+    costs: of a range as at most s children of a node above it.
+    cuts: how many of these s its left part has; 0 if s - 1 do as well. With s = WIDTH, those of its own node.
+    """
+    for i in range(ranges.shape[0]):
+        one = ranges.shape[0] - 1 - i
+        left = ranges[one, 2]
+        for s in range(1, WIDTH + 1):
+            costs[one, s] = 0.0
+            cuts[one, s] = 0
+        if left > 0:
+            for s in range(2, WIDTH + 1):
+                costs[one, s] = UNBOUNDED
+                cuts[one, s] = 1
+                for k in range(1, s):
+                    cost = costs[left, k] + costs[left + 1, s - k]
+                    if cost < costs[one, s]:
+                        costs[one, s] = cost
+                        cuts[one, s] = k
+            costs[one, 1] = areas[one] + costs[one, WIDTH]
+            for s in range(2, WIDTH):
+                if costs[one, s - 1] <= costs[one, s]:
+                    costs[one, s] = costs[one, s - 1]
+                    cuts[one, s] = 0
+
+
+@wp.kernel(enable_backward=False)
+def open_nodes(
+    lo: wp.array(dtype=wp.vec3),
+    hi: wp.array(dtype=wp.vec3),
+    order: wp.array(dtype=int),
+    ranges: wp.array2d(dtype=int),
+    areas: wp.array(dtype=float),
+    costs: wp.array2d(dtype=float),
+    cuts: wp.array2d(dtype=int),
     waiting: wp.array2d(dtype=int),
     boxes: wp.array3d(dtype=float),
     children: wp.array2d(dtype=int),
@@ -112,68 +198,72 @@ def build_tree(
 ):
     """Writes nodes (boxes, children), leaves (first, count) and sizes (nodes, leaves).
 
-    waiting: ranges that are to become nodes, (first, count, level) at the place of the node.
+    waiting: what is to become a node, at its place: (range or -1, first, count, level).
 
     The surface area heuristic may part one triangle from all others, so a node is opened by it only while the
-    levels below have room for all of its triangles. Else it is opened into eight parts of equal counts, and they
-    have: a node with k levels below it never holds more than 8^(k + 2) triangles.
+    levels below have room for all of its triangles. Else it and all below are opened into parts of equal counts,
+    and they have: a node with k levels below it never holds more than 8 16^(k + 1) triangles.
     """
+    choose_cuts(ranges, areas, costs, cuts)
     node_count = int(1)
     leaf_count = int(0)
     waiting[0, 0] = 0
-    waiting[0, 1] = lo.shape[0]
-    waiting[0, 2] = 1
+    waiting[0, 1] = 0
+    waiting[0, 2] = lo.shape[0]
+    waiting[0, 3] = 1
     node = int(0)
-    first = wp.zeros(shape=(WIDTH,), dtype=int)
-    count = wp.zeros(shape=(WIDTH,), dtype=int)
-    size = wp.zeros(shape=(WIDTH,), dtype=float)
+    part_range = wp.zeros(shape=(WIDTH,), dtype=int)
+    part_slots = wp.zeros(shape=(WIDTH,), dtype=int)
     while node < node_count:
-        level = waiting[node, 2]
-        # 8 = 2^3; below the 31st bit, where int32 ends.
-        by_area = waiting[node, 1] <= 1 << wp.min(3 * (MAX_LEVELS - level + 1), 30)
-        # Open the largest child until there are eight.
-        first[0] = waiting[node, 0]
-        count[0] = waiting[node, 1]
-        parts = int(1)
-        opening = wp.where(count[0] > WIDTH, 0, -1)
-        while parts < WIDTH and opening >= 0:
-            left = count[opening] // 2
-            if by_area:
-                left = split(lo, hi, order, first[opening], count[opening])
-            first[parts] = first[opening] + left
-            count[parts] = count[opening] - left
-            count[opening] = left
-            for side in range(2):
-                part = wp.where(side == 0, opening, parts)
-                box_lo = wp.vec3(UNBOUNDED)
-                box_hi = wp.vec3(-UNBOUNDED)
-                for i in range(first[part], first[part] + count[part]):
-                    box_lo = wp.min(box_lo, lo[order[i]])
-                    box_hi = wp.max(box_hi, hi[order[i]])
-                size[part] = wp.where(by_area, half_area(box_hi - box_lo), float(count[part]))
-            parts += 1
-            opening = int(-1)
-            largest = float(-1.0)
-            for part in range(parts):
-                if count[part] > WIDTH and size[part] > largest:
-                    largest = size[part]
-                    opening = part
+        first = waiting[node, 1]
+        count = waiting[node, 2]
+        level = waiting[node, 3]
+        # 8 = 2^3, 16 = 2^4; below the 31st bit, where int32 ends.
+        by_area = waiting[node, 0] >= 0 and count <= 1 << wp.min(3 + 4 * (MAX_LEVELS - level), 30)
+        parts = wp.min((count + LEAF - 1) // LEAF, WIDTH)
+        if by_area:
+            part_range[0] = waiting[node, 0]
+            part_slots[0] = WIDTH
+            parts = int(1)
+            part = int(0)
+            while part < parts:
+                one = part_range[part]
+                slots = part_slots[part]
+                while slots > 1 and cuts[one, slots] == 0:
+                    slots -= 1
+                if slots > 1:
+                    cut = cuts[one, slots]
+                    part_range[part] = ranges[one, 2]
+                    part_slots[part] = cut
+                    part_range[parts] = ranges[one, 2] + 1
+                    part_slots[parts] = slots - cut
+                    parts += 1
+                else:
+                    part += 1
         for part in range(WIDTH):
             box_lo = wp.vec3(UNBOUNDED)
             box_hi = wp.vec3(-UNBOUNDED)
             if part < parts:
-                for i in range(first[part], first[part] + count[part]):
+                one = int(-1)
+                part_first = first + count // parts * part + wp.min(part, count % parts)
+                part_count = count // parts + wp.where(part < count % parts, 1, 0)
+                if by_area:
+                    one = part_range[part]
+                    part_first = ranges[one, 0]
+                    part_count = ranges[one, 1]
+                for i in range(part_first, part_first + part_count):
                     box_lo = wp.min(box_lo, lo[order[i]])
                     box_hi = wp.max(box_hi, hi[order[i]])
-                if count[part] > WIDTH:
-                    waiting[node_count, 0] = first[part]
-                    waiting[node_count, 1] = count[part]
-                    waiting[node_count, 2] = level + 1
+                if part_count > LEAF:
+                    waiting[node_count, 0] = one
+                    waiting[node_count, 1] = part_first
+                    waiting[node_count, 2] = part_count
+                    waiting[node_count, 3] = level + 1
                     children[node, part] = node_count
                     node_count += 1
                 else:
-                    leaves[leaf_count, 0] = first[part]
-                    leaves[leaf_count, 1] = count[part]
+                    leaves[leaf_count, 0] = part_first
+                    leaves[leaf_count, 1] = part_count
                     children[node, part] = -1 - leaf_count
                     leaf_count += 1
             for axis in range(3):

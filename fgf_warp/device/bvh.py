@@ -1,6 +1,9 @@
-"""Triangles of all meshes in one tree of eight-wide nodes, and rays against it.
+"""Triangles of all meshes in one tree of sixteen-wide nodes, and rays against it.
 
-A row holds one coordinate of eight boxes or eight triangles, so that one test becomes a few vector instructions.
+A row holds one coordinate of the sixteen boxes of a node or of the eight triangles of a leaf, and one test goes
+through its lanes in a loop that the CPU's compiler makes vector code: without branches, without calls, with a count
+that it knows and that is too much to unroll, and over arrays made in the kernel, as in `device/lanes.py`.
+
 Triangles are met watertight: Woop, Benthin and Wald 2013, "Watertight ray/triangle intersection"; boxes with the
 slack of Ize 2013, "Robust BVH ray traversal".
 """
@@ -12,13 +15,19 @@ from fgf_warp.device.numerics import INFINITE
 
 vec8 = wp.types.vector(length=8, dtype=wp.float32)
 vec8i = wp.types.vector(length=8, dtype=wp.int32)
+vec16 = wp.types.vector(length=16, dtype=wp.float32)
 
-BOX_ROWS = wp.constant(6)
-"""Rows of a node: lower and upper x, y, z of its children's boxes; an empty child's box is inside out."""
-TRIANGLE_ROWS = wp.constant(9)
-"""Rows of a leaf: x, y, z of the first, second and third corners; an empty place is a point."""
-STACK = wp.constant(96)
-"""Enough for 13 levels of 7 waiting children each, and no tree is deeper."""
+WIDTH = wp.constant(16)
+"""Children of a node."""
+LEAF = wp.constant(8)
+"""Triangles of a leaf."""
+NODE_FLOATS = wp.constant(6 * 16)
+"""Lower and upper x, y, z of the children's boxes, a row each; an empty child's box is inside out."""
+LEAF_FLOATS = wp.constant(9 * 8)
+"""x, y, z of the first, second and third corners, a row each; an empty place is NaN, and no ray meets it."""
+CORNER_FLOATS = wp.constant(3 * 8)
+STACK = 106
+"""Enough for 7 levels of 15 waiting children each, and no tree is deeper; and one place for the end."""
 BOX_SLACK = wp.constant(1.0000004)
 """1 + 2 gamma(3) of Ize."""
 NONE = wp.constant(2147483647)
@@ -28,6 +37,9 @@ ROUNDING = wp.constant(1.0e-6)
 FLATTEST = wp.constant(100.0)
 """1 / cosine of the flattest angle at which a face just behind the ray's origin is looked for."""
 TINY_SLOPE = wp.constant(1.0e-30)
+
+WaitingNodes = wp.types.vector(length=STACK, dtype=wp.int32)
+WaitingDistances = wp.types.vector(length=STACK, dtype=wp.float32)
 
 
 @wp.struct
@@ -45,9 +57,11 @@ class Bvh:
     """The tree; node 0 is its root, and without meshes it has no nodes."""
 
     boxes: wp.array(dtype=vec8)
+    """Per node: six rows of sixteen."""
     children: wp.array(dtype=vec8i)
-    """Per node: the index of an inner node, or -1 - the index of a leaf."""
+    """Per node: the indices of sixteen inner nodes, or -1 - the index of a leaf."""
     triangles: wp.array(dtype=vec8)
+    """Per leaf: nine rows of eight."""
     owners: wp.array(dtype=vec8i)
     """Per leaf: index of the triangles' meshes."""
     meshes: wp.array(dtype=Mesh)
@@ -70,33 +84,117 @@ def accepts(mesh: Mesh, is_front: bool, t: float, start: Start) -> bool:
     return t > start.t_min or mesh.container != start.crossed
 
 
-@wp.func
-def lanes_where_le(a: vec8, b: vec8) -> int:
-    """Bits of the lanes in which a <= b."""
-    mask = int(0)
-    for k in range(8):
-        mask = mask | wp.where(a[k] <= b[k], 1 << k, 0)
-    return mask
+@wp.func(inline=True)
+def lower(a: float, b: float) -> float:
+    """The lower one; unlike `wp.min`, a single instruction."""
+    return wp.where(a < b, a, b)
 
 
-@wp.func
+@wp.func(inline=True)
+def upper(a: float, b: float) -> float:
+    """The upper one; unlike `wp.max`, a single instruction."""
+    return wp.where(a > b, a, b)
+
+
+@wp.func(inline=True)
 def lowest_lane(mask: int) -> int:
     """The lowest bit that is set."""
     return wp.bit_count((mask & (-mask)) - 1)
 
 
-@wp.func
-def leaf_corner(bvh: Bvh, leaf: int, lane: int, corner: int) -> wp.vec3:
-    """A corner of one triangle."""
-    row = leaf * TRIANGLE_ROWS + 3 * corner
-    return wp.vec3(bvh.triangles[row][lane], bvh.triangles[row + 1][lane], bvh.triangles[row + 2][lane])
+@wp.func(inline=True)
+def longest_axis(direction: wp.vec3) -> int:
+    """The axis along which a ray runs farthest."""
+    x = wp.abs(direction[0])
+    y = wp.abs(direction[1])
+    z = wp.abs(direction[2])
+    return wp.where(x > y, wp.where(x > z, 0, 2), wp.where(y > z, 1, 2))
+
+
+@wp.func(inline=True)
+def enter_boxes(
+    boxes: wp.array(dtype=float),
+    near: wp.vec3i,
+    far: wp.vec3i,
+    origin: wp.vec3,
+    inverse: wp.vec3,
+    t_least: float,
+    t_most: float,
+):
+    """Where the ray enters the children of a node, and bits of those that it is in between t_least and t_most.
+
+    near, far: where the rows of the planes begin that the ray meets first and last, for each axis.
+    """
+    entries = vec16()
+    met = int(0)
+    lane = int(0)
+    while lane < WIDTH:
+        x0 = (boxes[near[0] + lane] - origin[0]) * inverse[0]
+        x1 = (boxes[far[0] + lane] - origin[0]) * inverse[0]
+        y0 = (boxes[near[1] + lane] - origin[1]) * inverse[1]
+        y1 = (boxes[far[1] + lane] - origin[1]) * inverse[1]
+        z0 = (boxes[near[2] + lane] - origin[2]) * inverse[2]
+        z1 = (boxes[far[2] + lane] - origin[2]) * inverse[2]
+        t0 = upper(upper(x0, y0), upper(z0, t_least))
+        t1 = lower(lower(x1, y1), lower(z1, t_most)) * BOX_SLACK
+        entries[lane] = t0
+        met = met | wp.where(t0 <= t1, 1 << lane, 0)
+        lane += 1
+    return entries, met
+
+
+@wp.func(inline=True)
+def meet_triangles(
+    triangles: wp.array(dtype=float), rows: wp.vec3i, origin: wp.vec3, shear: wp.vec3, t_least: float, t_most: float
+):
+    """Distances of a leaf's triangles, bits of those between t_least and t_most, and of those with their front ahead.
+
+    In the ray's frame: `rows`, where the first corners' coordinates begin, and `origin` are along its axes.
+    """
+    distances = vec8()
+    met = int(0)
+    fronts = int(0)
+    lane = int(0)
+    while lane < LEAF:
+        a = rows[2] + lane
+        az = triangles[a] - origin[2]
+        bz = triangles[a + CORNER_FLOATS] - origin[2]
+        cz = triangles[a + 2 * CORNER_FLOATS] - origin[2]
+        a = rows[0] + lane
+        ax = triangles[a] - origin[0] + az * shear[0]
+        bx = triangles[a + CORNER_FLOATS] - origin[0] + bz * shear[0]
+        cx = triangles[a + 2 * CORNER_FLOATS] - origin[0] + cz * shear[0]
+        a = rows[1] + lane
+        ay = triangles[a] - origin[1] + az * shear[1]
+        by = triangles[a + CORNER_FLOATS] - origin[1] + bz * shear[1]
+        cy = triangles[a + 2 * CORNER_FLOATS] - origin[1] + cz * shear[1]
+        # Edge functions: equal and opposite for the two triangles of an edge, so no ray passes between them.
+        u = cx * by - cy * bx
+        v = ax * cy - ay * cx
+        w = bx * ay - by * ax
+        # Not a number for a triangle that the ray sees edge-on, and then not met.
+        t = (u * az + v * bz + w * cz) * shear[2] / (u + v + w)
+        distances[lane] = t
+        front = wp.where(lower(u, lower(v, w)) >= 0.0, 1 << lane, 0)
+        back = wp.where(upper(u, upper(v, w)) <= 0.0, 1 << lane, 0)
+        met = met | wp.where(t > t_least, wp.where(t < t_most, front | back, 0), 0)
+        fronts = fronts | front
+        lane += 1
+    return distances, met, fronts
 
 
 @wp.func
-def triangle_normal(bvh: Bvh, leaf: int, lane: int) -> wp.vec3:
+def triangle_normal(triangles: wp.array(dtype=float), leaf: int, lane: int) -> wp.vec3:
     """Unit normal of one triangle."""
-    a = leaf_corner(bvh, leaf, lane, 0)
-    return wp.normalize(wp.cross(leaf_corner(bvh, leaf, lane, 1) - a, leaf_corner(bvh, leaf, lane, 2) - a))
+    x = leaf * LEAF_FLOATS + lane
+    y = x + LEAF
+    z = y + LEAF
+    a = wp.vec3(triangles[x], triangles[y], triangles[z])
+    b = wp.vec3(triangles[x + CORNER_FLOATS], triangles[y + CORNER_FLOATS], triangles[z + CORNER_FLOATS])
+    x += 2 * CORNER_FLOATS
+    y += 2 * CORNER_FLOATS
+    z += 2 * CORNER_FLOATS
+    return wp.normalize(wp.cross(b - a, wp.vec3(triangles[x], triangles[y], triangles[z]) - a))
 
 
 @wp.func
@@ -105,121 +203,100 @@ def intersect_meshes(bvh: Bvh, origin: wp.vec3, direction: wp.vec3, start: Start
     hit = nearest
     if bvh.children.shape[0] == 0:
         return hit
+    # The shape is where a negative index counts from; there is none, and from 0 that costs nothing.
+    boxes = wp.array(ptr=bvh.boxes.ptr, shape=(0,), dtype=float)
+    children = wp.array(ptr=bvh.children.ptr, shape=(0,), dtype=int)
+    triangles = wp.array(ptr=bvh.triangles.ptr, shape=(0,), dtype=float)
+    owners = wp.array(ptr=bvh.owners.ptr, shape=(0,), dtype=int)
 
-    slack = wp.max(start.slack, ROUNDING * coordinate_reach(origin, start.t_min))
-    # The ray's frame: z along its longest axis, x and y sheared so that the ray is the z axis (Woop et al.).
-    size = wp.vec3(wp.abs(direction[0]), wp.abs(direction[1]), wp.abs(direction[2]))
-    kz = wp.where(size[0] > size[1], wp.where(size[0] > size[2], 0, 2), wp.where(size[1] > size[2], 1, 2))
-    kx = wp.where(kz == 2, 0, kz + 1)
-    ky = wp.where(kx == 2, 0, kx + 1)
-    turned = direction[kz] < 0.0
-    if turned:
-        swap = kx
-        kx = ky
-        ky = swap
-    shear_x = -direction[kx] / direction[kz]
-    shear_y = -direction[ky] / direction[kz]
-    shear_z = 1.0 / direction[kz]
-    o_kx = vec8(origin[kx])
-    o_ky = vec8(origin[ky])
-    o_kz = vec8(origin[kz])
-
+    slack = upper(start.slack, ROUNDING * coordinate_reach(origin, start.t_min))
+    t_least = start.t_min - FLATTEST * slack
     inverse = wp.vec3(safe_inverse(direction[0]), safe_inverse(direction[1]), safe_inverse(direction[2]))
-    ox = vec8(origin[0])
-    oy = vec8(origin[1])
-    oz = vec8(origin[2])
-    near_x = wp.where(direction[0] < 0.0, 1, 0)
-    near_y = wp.where(direction[1] < 0.0, 3, 2)
-    near_z = wp.where(direction[2] < 0.0, 5, 4)
+    near = wp.vec3i(
+        wp.where(direction[0] < 0.0, WIDTH, 0),
+        wp.where(direction[1] < 0.0, 3 * WIDTH, 2 * WIDTH),
+        wp.where(direction[2] < 0.0, 5 * WIDTH, 4 * WIDTH),
+    )
+    far = wp.vec3i(WIDTH, 5 * WIDTH, 9 * WIDTH) - near
+    # The ray's frame: z along its longest axis, x and y sheared so that the ray is the z axis (Woop et al.).
+    kz = longest_axis(direction)
+    is_turned = direction[kz] < 0.0
+    after = wp.where(kz == 2, 0, kz + 1)
+    before = wp.where(kz == 0, 2, kz - 1)
+    kx = wp.where(is_turned, before, after)
+    ky = wp.where(is_turned, after, before)
+    shear = wp.vec3(-direction[kx], -direction[ky], 1.0) / direction[kz]
+    framed_origin = wp.vec3(origin[kx], origin[ky], origin[kz])
+    framed_rows = wp.vec3i(LEAF * kx, LEAF * ky, LEAF * kz)
 
-    waiting = wp.zeros(shape=(wp.static(int(STACK)),), dtype=int)
-    waiting_t = wp.zeros(shape=(wp.static(int(STACK)),), dtype=float)
-    depth = int(0)
+    # Below all that waits there is no node, nearer than any hit.
+    waiting = WaitingNodes()
+    waiting_t = WaitingDistances()
+    waiting[0] = NONE
+    waiting_t[0] = -INFINITE
+    depth = int(1)
     node = int(0)
     hit_leaf = int(-1)
     hit_lane = int(0)
 
-    while True:
+    while node != NONE:
         if node >= 0:
-            row = node * BOX_ROWS
-            x0 = (bvh.boxes[row + near_x] - ox) * inverse[0]
-            x1 = (bvh.boxes[row + 1 - near_x] - ox) * inverse[0]
-            y0 = (bvh.boxes[row + near_y] - oy) * inverse[1]
-            y1 = (bvh.boxes[row + 5 - near_y] - oy) * inverse[1]
-            z0 = (bvh.boxes[row + near_z] - oz) * inverse[2]
-            z1 = (bvh.boxes[row + 9 - near_z] - oz) * inverse[2]
-            t0 = wp.max(wp.max(x0, y0), wp.max(z0, vec8(start.t_min - FLATTEST * slack)))
-            t1 = wp.min(wp.min(x1, y1), wp.min(z1, vec8(hit.t))) * BOX_SLACK
-            child = bvh.children[node]
-            # The nearest child comes next, the others wait.
-            node = int(NONE)
-            node_t = INFINITE
-            met = lanes_where_le(t0, t1)
-            while met != 0:
-                k = lowest_lane(met)
+            row = node * NODE_FLOATS
+            rows = wp.vec3i(row, row, row)
+            entries, met = enter_boxes(boxes, near + rows, far + rows, origin, inverse, t_least, hit.t)
+            if met != 0:
+                # The nearest child comes next, the others wait.
+                first_child = node * WIDTH
+                lane = lowest_lane(met)
+                node = children[first_child + lane]
+                node_t = entries[lane]
                 met = met & (met - 1)
-                if t0[k] < node_t:
-                    if node != NONE:
-                        waiting[depth] = node
-                        waiting_t[depth] = node_t
-                        depth += 1
-                    node = child[k]
-                    node_t = t0[k]
-                else:
-                    waiting[depth] = child[k]
-                    waiting_t[depth] = t0[k]
+                while met != 0:
+                    lane = lowest_lane(met)
+                    met = met & (met - 1)
+                    other = children[first_child + lane]
+                    other_t = entries[lane]
+                    is_nearer = other_t < node_t
+                    # Bits that a depth always has, said to save the wrap of a negative index.
+                    place = depth & 127
+                    waiting[place] = wp.where(is_nearer, node, other)
+                    waiting_t[place] = upper(node_t, other_t)
+                    node = wp.where(is_nearer, other, node)
+                    node_t = lower(node_t, other_t)
                     depth += 1
-            if node != NONE:
                 continue
         else:
             leaf = -1 - node
-            row = leaf * TRIANGLE_ROWS
-            az = bvh.triangles[row + kz] - o_kz
-            bz = bvh.triangles[row + 3 + kz] - o_kz
-            cz = bvh.triangles[row + 6 + kz] - o_kz
-            ax = bvh.triangles[row + kx] - o_kx + az * shear_x
-            ay = bvh.triangles[row + ky] - o_ky + az * shear_y
-            bx = bvh.triangles[row + 3 + kx] - o_kx + bz * shear_x
-            by = bvh.triangles[row + 3 + ky] - o_ky + bz * shear_y
-            cx = bvh.triangles[row + 6 + kx] - o_kx + cz * shear_x
-            cy = bvh.triangles[row + 6 + ky] - o_ky + cz * shear_y
-            # Edge functions: equal and opposite for the two triangles of an edge, so no ray passes between them.
-            u = wp.cw_mul(cx, by) - wp.cw_mul(cy, bx)
-            v = wp.cw_mul(ax, cy) - wp.cw_mul(ay, cx)
-            w = wp.cw_mul(bx, ay) - wp.cw_mul(by, ax)
-            det = u + v + w
-            scaled_t = (wp.cw_mul(u, az) + wp.cw_mul(v, bz) + wp.cw_mul(w, cz)) * shear_z
-            lowest = wp.min(u, wp.min(v, w))
-            highest = wp.max(u, wp.max(v, w))
-            owner = bvh.owners[leaf]
-            met = lanes_where_le(vec8(0.0), wp.max(lowest, -highest))
+            row = leaf * LEAF_FLOATS
+            distances, met, fronts = meet_triangles(
+                triangles, framed_rows + wp.vec3i(row, row, row), framed_origin, shear, t_least, hit.t
+            )
             while met != 0:
-                k = lowest_lane(met)
+                lane = lowest_lane(met)
                 met = met & (met - 1)
-                t = scaled_t[k] / wp.where(det[k] != 0.0, det[k], TINY_SLOPE)
-                if det[k] != 0.0 and owner[k] >= 0 and t < hit.t:
-                    mesh = bvh.meshes[owner[k]]
-                    is_met = accepts(mesh, det[k] > 0.0, t, start)
-                    if is_met and t < start.t_min:
-                        # Behind: as far as rounding can have moved the ray across the face, and no farther.
-                        normal = triangle_normal(bvh, leaf, k)
-                        is_met = (start.t_min - t) * wp.abs(wp.dot(normal, direction)) < slack
-                    if is_met:
-                        hit.t = wp.max(t, start.t_min)
-                        hit_leaf = leaf
-                        hit_lane = k
-                        hit.kind = wp.where(mesh.surface >= 0, SURFACE, BOUNDARY)
-                        hit.item = wp.where(mesh.surface >= 0, mesh.surface, mesh.container)
+                t = distances[lane]
+                owner = int(0)
+                if bvh.meshes.shape[0] > 1:
+                    owner = owners[leaf * LEAF + lane]
+                mesh = bvh.meshes[owner]
+                is_met = t < hit.t and accepts(mesh, ((fronts >> lane) & 1) == 1, t, start)
+                if is_met and t < start.t_min:
+                    # Behind: as far as rounding can have moved the ray across the face, and no farther.
+                    normal = triangle_normal(triangles, leaf, lane)
+                    is_met = (start.t_min - t) * wp.abs(wp.dot(normal, direction)) < slack
+                if is_met:
+                    hit.t = upper(t, start.t_min)
+                    hit_leaf = leaf
+                    hit_lane = lane
+                    hit.kind = wp.where(mesh.surface >= 0, SURFACE, BOUNDARY)
+                    hit.item = wp.where(mesh.surface >= 0, mesh.surface, mesh.container)
 
         # What waits, and is not behind what was met.
-        node = int(NONE)
-        while depth > 0 and node == NONE:
+        depth -= 1
+        while waiting_t[depth & 127] > hit.t:
             depth -= 1
-            if waiting_t[depth] <= hit.t:
-                node = waiting[depth]
-        if node == NONE:
-            break
+        node = waiting[depth & 127]
 
     if hit_leaf >= 0 and hit.kind == SURFACE:
-        hit.normal = triangle_normal(bvh, hit_leaf, hit_lane)
+        hit.normal = triangle_normal(triangles, hit_leaf, hit_lane)
     return hit
