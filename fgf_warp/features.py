@@ -25,6 +25,8 @@ class RenderFeatures:
         media: shapes filled with a medium.
         lone_law: the law, ``exponential``, ``power`` or ``fractional``, of the only medium, where one shape is filled
             with a medium and the channels do not differ; otherwise empty, and laws are looked up.
+        lone_solid: that one shape is a sphere, cube or cylinder: a ray is in it between two distances, and crosses no
+            boundaries one by one.
         chromatic: a medium whose channels differ in extinction.
         aovs: the further planes that need work in the kernel.
     """
@@ -37,6 +39,7 @@ class RenderFeatures:
     environment: bool
     media: bool
     lone_law: str
+    lone_solid: bool
     chromatic: bool
     aovs: frozenset[Aov]
 
@@ -45,10 +48,17 @@ class RenderFeatures:
         """True where paths connect to lights (next-event estimation)."""
         return self.shaped_lights or self.distant_lights
 
+    @property
+    def crossings(self) -> bool:
+        """True where paths cross boundaries of media one by one."""
+        return self.media and not self.lone_solid
+
 
 def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
     """The least that renders this scene with these settings."""
-    media = [scene.media[shape.medium] for shape in scene.shapes if shape.medium is not None]
+    filled = [shape for shape in scene.shapes if shape.medium is not None]
+    media = [scene.media[shape.medium] for shape in filled if shape.medium is not None]
+    lone_law = media[0].line_law.kind if len(media) == 1 and not media[0].is_chromatic else ""
     return RenderFeatures(
         solids=any(isinstance(shape, Solid) for shape in scene.shapes),
         meshes=any(isinstance(shape, Mesh) for shape in scene.shapes),
@@ -57,7 +67,8 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         distant_lights=any(isinstance(light, DistantLight) for light in scene.lights),
         environment=any(isinstance(light, DomeLight) for light in scene.lights),
         media=bool(media),
-        lone_law=media[0].line_law.kind if len(media) == 1 and not media[0].is_chromatic else "",
+        lone_law=lone_law,
+        lone_solid=lone_law != "" and isinstance(filled[0], Solid),
         chromatic=any(medium.is_chromatic for medium in media),
         aovs=settings.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO},
     )

@@ -11,29 +11,29 @@ takes `LANES` paths through one stage after the other, so that the compiler make
 neither branches nor look-ups (see `device/lanes.py`).
 """
 
+import os
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import warp as wp
 
-from fgf_warp.device import film as film_module
 from fgf_warp.device import lanes as lanes_module
 from fgf_warp.device.bvh import Bvh, intersect_meshes
-from fgf_warp.device.camera import Camera, camera_direction, row_of
+from fgf_warp.device.camera import Camera, camera_direction
+from fgf_warp.device.film import Film, Sample, Tally, add_sample
 from fgf_warp.device.geometry import (
     BOUNDARY,
-    CUBE,
-    CYLINDER,
     LIGHT,
     MARGIN,
     MISS,
     OFFSET,
-    SPHERE,
+    SOLID_KINDS,
     SURFACE,
     Hit,
     Solid,
     Start,
+    chord,
     coordinate_reach,
     cross_boundary,
     intersect_solids,
@@ -41,48 +41,55 @@ from fgf_warp.device.geometry import (
     meet_solid_surface,
     offset_from_surface,
     solid_span,
+    surface_distance,
 )
 from fgf_warp.device.lanes import LANES, Path
 from fgf_warp.device.law import (
     ESCAPED,
+    EXPONENTIAL,
+    FRACTIONAL,
+    POWER,
     Law,
-    density_mm,
-    density_sm,
+    flight_density,
     fly_fractional,
     fly_power,
     read_table,
     sample_mm,
     sample_sm,
+    segment_transmittance,
     shorten_fractional,
     table_place,
-    transmittance_ms,
-    transmittance_ss,
 )
 from fgf_warp.device.lights import (
+    DISTANT,
+    LIGHT_KINDS,
+    RECT,
     Light,
+    LightSample,
     cone_pdf,
+    emitted_radiance,
     intersect_lights,
     is_in_distant_light,
+    light_distance,
     light_pdf,
+    meet_light,
     sample_light,
 )
 from fgf_warp.device.medium import Container, Medium, medium_at
-from fgf_warp.device.numerics import INFINITE, choose, is_finite, log_positive, max_component
+from fgf_warp.device.numerics import INFINITE, choose, log_positive, max_component
 from fgf_warp.device.phase import eval_hg, sample_hg
 from fgf_warp.device.rng import CAMERA, CONNECTION, CORRELATED_FLIGHT, EVENT, uniforms
 from fgf_warp.device.surfaces import Surface, diffuse_pdf, sample_diffuse
 from fgf_warp.features import RenderFeatures
 from fgf_warp.settings import Aov
 
-Film = film_module.Film
-lane_floats = lanes_module.lane_floats
+lane_floats, tally_floats = lanes_module.lane_floats, lanes_module.tally_floats
 
+OPTIONS = {"fuse_fp": False, "cpu_compiler_flags": os.environ.get("FL", "")}
 MAX_CROSSINGS = wp.constant(1024)
 """Boundaries between two scattering events; a path that crosses more is cut and counted as truncated."""
 CAMERA_RAY = wp.constant(-1.0)
 """Stands for the pdf of a direction that no light sampling competes with."""
-SAMPLE_FLOATS = wp.constant(12)
-"""What a path leaves in the pool's buffer: radiance, alpha, depth, transmittance, albedo, truncated."""
 
 
 @wp.struct
@@ -92,14 +99,23 @@ class SceneData:
     camera: Camera
     environment: wp.vec3
     solids: wp.array(dtype=Solid)
+    lone_solid: int
+    """The one that the only medium fills; used where one does."""
     meshes: Bvh
     surfaces: wp.array(dtype=Surface)
     media: wp.array(dtype=Medium)
+    """Of all images, image after image."""
+    media_count: int
+    """Of one image."""
+    first_medium: int
+    """Of the image that is rendered."""
     containers: wp.array(dtype=Container)
     lights: wp.array(dtype=Light)
     flight_tables: wp.array(dtype=wp.vec2)
     camera_inside: wp.uint32
     """Containers around the camera."""
+    seeds: wp.array(dtype=wp.uint64)
+    """Of each image."""
 
 
 @wp.struct
@@ -126,11 +142,13 @@ class Program:
         features: what they were built for.
         render_threads: one thread per pixel, for CUDA.
         render_pool: one pool of lanes per launch, for the CPU.
+        scratch_floats: length of the array that a launch of `render_pool` works in.
     """
 
     features: RenderFeatures
     render_threads: Any
     render_pool: Any
+    scratch_floats: int
 
 
 @wp.func(inline=True)
@@ -155,20 +173,7 @@ def law_of_channel(medium: Medium, channel: int) -> Law:
     return medium.law_blue
 
 
-@wp.func
-def segment_transmittance(law: Law, u: float, from_medium: bool) -> float:
-    """Share of light that passes a segment which ends uncorrelated: Tms from a medium vertex, else Tss."""
-    if from_medium and law.reciprocal == 1:
-        return transmittance_ms(law, u)
-    return transmittance_ss(law, u)
-
-
-@wp.func
-def flight_density(law: Law, u: float, from_medium: bool) -> float:
-    """Density in u of the next scattering event: Tmm from a medium vertex, else Tsm."""
-    if from_medium and law.reciprocal == 1:
-        return density_mm(law, u)
-    return density_sm(law, u)
+LAW_KINDS = {"exponential": EXPONENTIAL, "power": POWER, "fractional": FRACTIONAL}
 
 
 @cache
@@ -176,10 +181,12 @@ def build_program(features: RenderFeatures) -> Program:
     """The kernels that render scenes of these features; compiled when they are first loaded on a device."""
     sees_first_segment = bool(features.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE})
     has_surfaces, has_lights = features.surfaces, features.shaped_lights
+    meets_emitters = has_surfaces or features.connections
     # One medium of one law is the same for all lanes; anything else is looked up lane by lane.
-    lone_law = features.lone_law
-    pool_floats = lane_floats(features)
-    load, store, is_alive, place_lane = lanes_module.build_lanes(features)
+    lone_law, lone_solid, has_crossings = features.lone_law, features.lone_solid, features.crossings
+    pool_floats, sum_count = lane_floats(features), tally_floats(features)
+    load, store = lanes_module.build_lanes(features)
+    load_tally, store_tally = lanes_module.build_tallies(features)
 
     # ---- depart and fly: how far would the path fly, were the medium unbounded?
 
@@ -212,10 +219,11 @@ def build_program(features: RenderFeatures) -> Program:
             u = fly_fractional(before.flight, before.ln_ratio)
             more = uniforms(seed, before.pixel, before.sample, before.bounce, CORRELATED_FLIGHT)
             u = wp.where(remembers, shorten_fractional(medium.law, u, more[0], more[1]), u)
-        is_in_medium = before.start.inside != wp.uint32(0)
-        path.medium = wp.where(is_in_medium, medium.index, -1)
-        ends = before.segment + wp.min(u / medium.extinction[0], 0.5 * INFINITE)
-        path.flight = wp.where(is_in_medium, ends, INFINITE)
+        path.flight = wp.min(u / medium.extinction[0], 0.5 * INFINITE)
+        if wp.static(not lone_solid):
+            is_in_medium = before.start.inside != wp.uint32(0)
+            path.medium = wp.where(is_in_medium, medium.index, -1)
+            path.flight = wp.where(is_in_medium, before.segment + path.flight, INFINITE)
         return path
 
     @wp.func
@@ -224,7 +232,7 @@ def build_program(features: RenderFeatures) -> Program:
         path = before
         path.medium = medium_at(scene.containers, before.start.inside)
         if path.medium >= 0 and path.keeps == 0:
-            medium = scene.media[path.medium]
+            medium = scene.media[scene.first_medium + path.medium]
             law = law_of_channel(medium, path.channel)
             u = float(0.0)
             if path.from_medium == 1 and law.reciprocal == 1:
@@ -238,15 +246,28 @@ def build_program(features: RenderFeatures) -> Program:
     # ---- look: what lies ahead, as far as it flies?
 
     @wp.func(inline=True)
+    def look_at_lone_solid(before: Path, solid: Solid, kind: int) -> Path:
+        """Where the ray is in the only medium, and where its flight ends, if it ends there."""
+        path = before
+        span = solid_span(solid, kind, before.origin, before.direction)
+        within = chord(span, before.start.inside != wp.uint32(0))
+        path.t_in = within[0]
+        path.t_out = within[1]
+        end = path.t_in + before.flight
+        path.flight = wp.where(end <= path.t_out, end, INFINITE)
+        return path
+
+    @wp.func(inline=True)
     def open_eyes(before: Path) -> Path:
         path = before
-        margin = float(0.0)
+        path.hit.t = before.flight
         if wp.static(features.meshes):
             margin = 2.0 * MARGIN * coordinate_reach(before.origin, before.flight)
-        path.hit.t = wp.where(before.medium >= 0, before.flight + margin, INFINITE)
+            path.hit.t = wp.min(before.flight + margin, INFINITE)
         if wp.static(sees_first_segment):
             path.hit.t = wp.where(before.depth == 0, INFINITE, path.hit.t)
         path.hit.kind = MISS
+        path.met = wp.vec3(0.0, 0.0, 0.0)
         return path
 
     @wp.func(inline=True)
@@ -257,20 +278,53 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func(inline=True)
-    def look_at_surface(before: Path, solid: Solid, kind: int) -> Path:
+    def look_at_surface(before: Path, solid: Solid, kind: int, surface: Surface) -> Path:
         path = before
         span = solid_span(solid, kind, before.origin, before.direction)
         path.hit = meet_solid_surface(solid, span, before.origin, before.direction, before.hit)
+        is_nearer = path.hit.t < before.hit.t
+        path.albedo = choose(is_nearer, surface.diffuse, before.albedo)
+        path.met = choose(is_nearer, surface.emission, before.met)
         return path
 
     @wp.func
-    def look_at_the_rest(scene: SceneData, before: Path) -> Path:
+    def look_at_meshes(scene: SceneData, before: Path) -> Path:
         path = before
-        if wp.static(features.meshes):
-            path.hit = intersect_meshes(scene.meshes, before.origin, before.direction, before.start, path.hit)
-        if wp.static(has_lights):
-            path.hit = intersect_lights(scene.lights, before.origin, before.direction, path.hit)
+        path.hit = intersect_meshes(scene.meshes, before.origin, before.direction, before.start, before.hit)
+        if wp.static(has_surfaces):
+            if path.hit.t < before.hit.t and path.hit.kind == SURFACE:
+                path.albedo = scene.surfaces[path.hit.item].diffuse
+                path.met = scene.surfaces[path.hit.item].emission
         return path
+
+    @wp.func(inline=True)
+    def hit_weight(path: Path, pdf_light: float) -> float:
+        """mis_weight of a light that the path met by itself."""
+        return wp.where(path.pdf_direction == CAMERA_RAY, 1.0, power_heuristic(path.pdf_direction, pdf_light))
+
+    @wp.func(inline=True)
+    def look_at_light(before: Path, light: Light, kind: int, item: int, light_count: float) -> Path:
+        path = before
+        path.hit = meet_light(light, kind, item, before.origin, before.direction, before.hit)
+        is_nearer = path.hit.t < before.hit.t
+        position = before.origin + before.direction * wp.where(is_nearer, path.hit.t, 0.0)
+        pdf = light_pdf(light, kind, before.origin, position, before.direction) / light_count
+        met = emitted_radiance(light, kind, before.direction) * hit_weight(before, pdf)
+        path.met = choose(is_nearer, met, before.met)
+        return path
+
+    @wp.func(inline=True)
+    def look_beyond(before: Path, light: Light, light_count: float) -> Path:
+        """At a distant light, where nothing is before it."""
+        path = before
+        is_seen = before.hit.kind == MISS and is_in_distant_light(light, before.direction)
+        weight = hit_weight(before, cone_pdf(light.cone) / light_count)
+        path.met = before.met + light.radiance * wp.where(is_seen, weight, 0.0)
+        return path
+
+    @wp.func(inline=True)
+    def lone_attenuation(medium: Medium, t: float, from_medium: bool) -> float:
+        return segment_transmittance(medium.law, mean_optical_depth(medium.extinction[0], t), from_medium)
 
     # ---- meet: what of the scene does it find there, and does the light end here?
 
@@ -333,29 +387,22 @@ def build_program(features: RenderFeatures) -> Program:
             weight = path.channel_pdfs * (3.0 / total)
         return weight
 
-    @wp.func(inline=True)
-    def hit_weight(path: Path, pdf_light: float) -> float:
-        """mis_weight of a light that the path met by itself."""
-        if path.pdf_direction == CAMERA_RAY:
-            return 1.0
-        return power_heuristic(path.pdf_direction, pdf_light)
-
     @wp.func
     def meet(scene: SceneData, before: Path) -> Path:
-        """Look-ups at the event, lane by lane; only scenes that need them have this stage."""
+        """Look-ups of media at the event, lane by lane; only scenes whose boundaries are crossed have this stage."""
         path = before
         scatters = before.medium >= 0 and before.flight <= before.hit.t
-        light_count = float(scene.lights.shape[0])
         path.keeps = 0
-        if wp.static(features.media and lone_law == ""):
+        if wp.static(lone_law == ""):
             if before.hit.kind == BOUNDARY and not scatters:
                 beyond = medium_at(scene.containers, cross_boundary(before.start.inside, before.hit.item))
                 if beyond == path.medium:
                     path.keeps = 1
             if path.medium >= 0 and path.keeps == 0:
-                medium = scene.media[path.medium]
-                path.albedo = medium.albedo
-                path.asymmetry = medium.asymmetry
+                medium = scene.media[scene.first_medium + path.medium]
+                if scatters:
+                    path.albedo = medium.albedo
+                    path.asymmetry = medium.asymmetry
                 if wp.static(features.chromatic):
                     densities = wp.vec3(1.0)
                     if scatters:
@@ -368,69 +415,70 @@ def build_program(features: RenderFeatures) -> Program:
         if wp.static(Aov.TRANSMITTANCE in features.aovs):
             if path.depth == 0 and path.medium >= 0 and path.has_met_medium == 0:
                 if scatters or path.keeps == 0:
-                    end = segment_end(scene, before)
-                    path.first_transmittance = attenuation(scene.media[path.medium], end - before.segment, False)
+                    medium = scene.media[scene.first_medium + path.medium]
+                    length = segment_end(scene, before) - before.segment
+                    path.first_transmittance = attenuation(medium, length, False)
                     path.has_met_medium = 1
-        if wp.static(has_surfaces):
-            if before.hit.kind == SURFACE and not scatters:
-                surface = scene.surfaces[before.hit.item]
-                path.albedo = surface.diffuse
-                emitted = wp.cw_mul(surface.emission, channel_weight(path))
-                path.radiance += wp.cw_mul(path.throughput, emitted)
-        if wp.static(has_lights):
-            if before.hit.kind == LIGHT and not scatters:
-                # A light adds its radiance where it is met from its front, and is black otherwise.
-                light = scene.lights[before.hit.item]
-                if wp.dot(before.hit.normal, path.direction) < 0.0:
-                    position = path.origin + path.direction * before.hit.t
-                    pdf_light = light_pdf(light, path.origin, position, path.direction) / light_count
-                    met = light.radiance * hit_weight(path, pdf_light)
-                    path.radiance += wp.cw_mul(path.throughput, wp.cw_mul(met, channel_weight(path)))
-        if wp.static(features.distant_lights):
-            if before.hit.kind == MISS and not scatters:
-                for i in range(scene.lights.shape[0]):
-                    light = scene.lights[i]
-                    if is_in_distant_light(light, path.direction):
-                        beyond = light.radiance * hit_weight(path, cone_pdf(light.cone) / light_count)
-                        path.radiance += wp.cw_mul(path.throughput, wp.cw_mul(beyond, channel_weight(path)))
         return path
 
     # ---- arrive: cross a boundary, leave the scene, end at a light, or scatter.
 
     @wp.func(inline=True)
+    def cross(before: Path, is_alive: bool, crosses: bool, scatters_in_medium: bool, meets_surface: bool) -> Path:
+        """A boundary lets it through, and ends its memory unless the medium is the same beyond."""
+        path = before
+        crossed = cross_boundary(before.start.inside, wp.where(crosses, before.hit.item, 0))
+        path.start.inside = wp.where(crosses, crossed, before.start.inside)
+        path.start.t_min = wp.where(crosses, before.hit.t, wp.where(is_alive, 0.0, before.start.t_min))
+        path.start.crossed = wp.where(crosses, before.hit.item, wp.where(is_alive, -1, before.start.crossed))
+        renewed = wp.where(before.keeps == 1, before.segment, before.hit.t)
+        path.segment = wp.where(crosses, renewed, wp.where(is_alive, 0.0, before.segment))
+        step = 2.0 * OFFSET * coordinate_reach(before.origin, 2.0 * before.hit.t)
+        path.start.slack = wp.where(meets_surface, step, wp.where(scatters_in_medium, 0.0, before.start.slack))
+        path.crossings = before.crossings + wp.where(crosses, 1, 0)
+        return path
+
+    @wp.func(inline=True)
     def arrive(before: Path, lone: Medium, environment: wp.vec3, forward: wp.vec3, limits: Limits) -> Path:
         path = before
         is_alive = before.alive == 1
-        scatters_in_medium = is_alive and before.medium >= 0 and before.flight <= before.hit.t
+        scatters_in_medium = is_alive and before.flight <= before.hit.t and before.flight < 0.5 * INFINITE
         arrives = is_alive and not scatters_in_medium
         crosses = arrives and before.hit.kind == BOUNDARY
         escapes = arrives and before.hit.kind == MISS
         meets_light = arrives and before.hit.kind == LIGHT
         meets_surface = arrives and before.hit.kind == SURFACE
+        is_lost = bool(False)
 
         if wp.static(Aov.DEPTH in features.aovs):
-            is_first = before.depth == 0 and before.hit.kind != MISS and before.first_depth == INFINITE
-            ahead = before.hit.t * wp.dot(before.direction, forward)
+            nearest = before.hit.t
+            if wp.static(lone_solid):
+                nearest = wp.min(nearest, before.t_in)
+            is_first = before.depth == 0 and nearest < INFINITE and before.first_depth == INFINITE
+            ahead = nearest * wp.dot(before.direction, forward)
             path.first_depth = wp.where(is_first, ahead, before.first_depth)
-
-        # A boundary lets it through, and ends its memory unless the medium is the same beyond.
-        is_lost = bool(False)
-        if wp.static(features.media):
-            crossed = cross_boundary(before.start.inside, wp.where(crosses, before.hit.item, 0))
-            path.start.inside = wp.where(crosses, crossed, before.start.inside)
-            path.start.t_min = wp.where(crosses, before.hit.t, wp.where(is_alive, 0.0, before.start.t_min))
-            path.start.crossed = wp.where(crosses, before.hit.item, wp.where(is_alive, -1, before.start.crossed))
-            renewed = wp.where(before.keeps == 1, before.segment, before.hit.t)
-            path.segment = wp.where(crosses, renewed, wp.where(is_alive, 0.0, before.segment))
-            step = 2.0 * OFFSET * coordinate_reach(before.origin, 2.0 * before.hit.t)
-            path.start.slack = wp.where(meets_surface, step, wp.where(scatters_in_medium, 0.0, before.start.slack))
-            path.crossings = before.crossings + wp.where(crosses, 1, 0)
+        if wp.static(has_crossings):
+            path = cross(path, is_alive, crosses, scatters_in_medium, meets_surface)
             is_lost = path.crossings > MAX_CROSSINGS
+        if wp.static(lone_solid):
+            stays = meets_surface and before.hit.t >= before.t_in and before.hit.t < before.t_out
+            stays = stays or scatters_in_medium
+            path.start.inside = wp.where(is_alive, wp.where(stays, wp.uint32(1), wp.uint32(0)), before.start.inside)
+            if wp.static(Aov.TRANSMITTANCE in features.aovs):
+                length = wp.min(before.t_out, before.hit.t) - before.t_in
+                is_first = is_alive and before.depth == 0 and length >= 0.0
+                passed = lone_attenuation(lone, wp.max(length, 0.0), False)
+                passed = wp.where(is_first, passed, before.first_transmittance[0])
+                path.first_transmittance = wp.vec3(passed, passed, passed)
 
-        # Beyond the scene there is only light.
+        # Light ends there: what it met, or what is beyond the scene.
+        weight = channel_weight(before)
+        if wp.static(meets_emitters):
+            ends_there = wp.where(escapes or meets_light or meets_surface, 1.0, 0.0)
+            path.radiance = path.radiance + wp.cw_mul(before.throughput, wp.cw_mul(before.met, weight)) * ends_there
         if wp.static(features.environment):
-            beyond = wp.cw_mul(before.throughput, wp.cw_mul(environment, channel_weight(before)))
-            path.radiance = before.radiance + beyond * wp.where(escapes, 1.0, 0.0)
+            beyond = wp.cw_mul(before.throughput, wp.cw_mul(environment, weight))
+            path.radiance = path.radiance + beyond * wp.where(escapes, 1.0, 0.0)
 
         # It scatters: in the medium, or from a surface.
         would_scatter = scatters_in_medium or meets_surface
@@ -502,7 +550,7 @@ def build_program(features: RenderFeatures) -> Program:
                     start.crossed = hit.item
                     beyond = medium_at(scene.containers, start.inside)
                 if medium >= 0 and (hit.kind != BOUNDARY or beyond != medium):
-                    passed = attenuation(scene.media[medium], hit.t - segment, from_medium)
+                    passed = attenuation(scene.media[scene.first_medium + medium], hit.t - segment, from_medium)
                     result.transmittance = wp.cw_mul(result.transmittance, passed)
             if hit.kind == MISS:
                 return result
@@ -517,42 +565,120 @@ def build_program(features: RenderFeatures) -> Program:
         result.truncated = 1
         return result
 
-    @wp.func
-    def connect(scene: SceneData, lone: Medium, before: Path, seed: wp.uint64) -> Path:
-        path = before
-        asymmetry = float(0.0)
+    @wp.func(inline=True)
+    def scatter_pdf(path: Path, lone: Medium, wi: wp.vec3) -> float:
+        """pdf_solid_angle of scattering into `wi` at this event, and the share that scatters there."""
+        pdf = float(0.0)
         if wp.static(features.media):
+            asymmetry = lone.asymmetry
             if wp.static(lone_law == ""):
                 asymmetry = path.asymmetry
-            else:
-                asymmetry = lone.asymmetry
-        is_surface = path.scatters == SURFACE
-        if is_surface:
-            path.pdf_direction = diffuse_pdf(path.hit.normal, path.wi)
-        else:
-            path.pdf_direction = eval_hg(asymmetry, path.direction, path.wi)
-        xi = uniforms(seed, path.pixel, path.sample, path.bounce, CONNECTION)
-        light_count = float(scene.lights.shape[0])
-        light_index = wp.min(int(xi[0] * light_count), scene.lights.shape[0] - 1)
-        towards = sample_light(scene.lights[light_index], path.origin, xi[1], xi[2])
-        if towards.pdf_solid_angle > 0.0:
-            pdf_scatter = float(0.0)
-            if is_surface:
-                pdf_scatter = diffuse_pdf(path.hit.normal, towards.direction)
-            else:
-                pdf_scatter = eval_hg(asymmetry, path.direction, towards.direction)
-            if pdf_scatter > 0.0:
-                # Just short of the light, which would block itself.
-                short_of = towards.distance - OFFSET * coordinate_reach(path.origin, towards.distance)
-                distance = wp.where(towards.distance < INFINITE, short_of, INFINITE)
-                link = passage(scene, path, towards.direction, distance)
-                path.truncated = wp.max(path.truncated, link.truncated)
-                pdf_light = towards.pdf_solid_angle / light_count
-                weight = pdf_scatter / pdf_light
-                if towards.is_delta == 0:
-                    weight *= power_heuristic(pdf_light, pdf_scatter)
-                arriving = wp.cw_mul(wp.cw_mul(towards.radiance, link.transmittance), channel_weight(path))
-                path.radiance += wp.cw_mul(path.throughput, arriving) * weight
+            pdf = eval_hg(asymmetry, path.direction, wi)
+        if wp.static(has_surfaces):
+            pdf = wp.where(path.scatters == SURFACE, diffuse_pdf(path.hit.normal, wi), pdf)
+        return pdf
+
+    @wp.func(inline=True)
+    def light_place(path: Path, seed: wp.uint64) -> wp.vec4:
+        """Which light, and where on it."""
+        return uniforms(seed, path.pixel, path.sample, path.bounce, CONNECTION)
+
+    @wp.func(inline=True)
+    def chosen_light(xi: float, light_count: int) -> int:
+        return wp.min(int(xi * float(light_count)), light_count - 1)
+
+    @wp.func(inline=True)
+    def aim_connection(before: Path, lone: Medium, towards: LightSample, light_count: int) -> Path:
+        """The connection to a point of a light, as if nothing were between."""
+        path = before
+        path.to_light = towards.direction
+        # Just short of the light, which would block itself.
+        short_of = towards.distance - OFFSET * coordinate_reach(path.origin, wp.min(towards.distance, 1.0e30))
+        path.light_distance = wp.where(towards.distance < INFINITE, short_of, INFINITE)
+        pdf_light = towards.pdf_solid_angle / float(light_count)
+        pdf_scatter = scatter_pdf(before, lone, towards.direction)
+        is_possible = before.scatters != MISS and pdf_light > 0.0 and pdf_scatter > 0.0
+        pdf_light = wp.where(is_possible, pdf_light, 1.0)
+        mis_weight = wp.where(towards.is_delta == 1, 1.0, power_heuristic(pdf_light, pdf_scatter))
+        weight = wp.where(is_possible, pdf_scatter / pdf_light * mis_weight, 0.0)
+        arriving = wp.cw_mul(towards.radiance, channel_weight(before))
+        path.light_share = wp.cw_mul(before.throughput, arriving) * weight
+        return path
+
+    @wp.func
+    def connect(scene: SceneData, lone: Medium, before: Path, seed: wp.uint64) -> Path:
+        """All of it, lane by lane."""
+        path = before
+        path.pdf_direction = scatter_pdf(path, lone, path.wi)
+        light_count = scene.lights.shape[0]
+        xi = light_place(path, seed)
+        light = scene.lights[chosen_light(xi[0], light_count)]
+        towards = sample_light(light, light.kind, path.origin, xi[1], xi[2])
+        path = aim_connection(path, lone, towards, light_count)
+        if max_component(path.light_share) > 0.0:
+            link = passage(scene, path, path.to_light, path.light_distance)
+            path.truncated = wp.max(path.truncated, link.truncated)
+            path.radiance += wp.cw_mul(path.light_share, link.transmittance)
+        return path
+
+    @wp.func(inline=True)
+    def begin_connection(before: Path, lone: Medium) -> Path:
+        path = before
+        scatters = before.scatters != MISS
+        path.pdf_direction = wp.where(scatters, scatter_pdf(before, lone, before.wi), before.pdf_direction)
+        path.light_share = wp.vec3(0.0, 0.0, 0.0)
+        return path
+
+    @wp.func(inline=True)
+    def aim_at_light(
+        before: Path, lone: Medium, seed: wp.uint64, light: Light, kind: int, item: int, light_count: int
+    ) -> Path:
+        """The connection, where this is the light."""
+        path = before
+        xi = light_place(before, seed)
+        aimed = aim_connection(before, lone, sample_light(light, kind, before.origin, xi[1], xi[2]), light_count)
+        is_chosen = chosen_light(xi[0], light_count) == item
+        path.to_light = choose(is_chosen, aimed.to_light, before.to_light)
+        path.light_distance = wp.where(is_chosen, aimed.light_distance, before.light_distance)
+        path.light_share = choose(is_chosen, aimed.light_share, before.light_share)
+        return path
+
+    @wp.func(inline=True)
+    def block(before: Path, t: float) -> Path:
+        """The connection, ended by what is at distance t."""
+        path = before
+        path.light_share = before.light_share * wp.where(t < before.light_distance, 0.0, 1.0)
+        return path
+
+    @wp.func(inline=True)
+    def block_by_surface(before: Path, solid: Solid, kind: int) -> Path:
+        return block(before, surface_distance(solid_span(solid, kind, before.origin, before.to_light)))
+
+    @wp.func(inline=True)
+    def block_by_light(before: Path, light: Light, kind: int) -> Path:
+        return block(before, light_distance(light, kind, before.origin, before.to_light))
+
+    @wp.func
+    def block_by_meshes(scene: SceneData, before: Path) -> Path:
+        nearest = Hit()
+        nearest.t = before.light_distance
+        hit = intersect_meshes(scene.meshes, before.origin, before.to_light, before.start, nearest)
+        return block(before, hit.t)
+
+    @wp.func(inline=True)
+    def dim_by_lone_solid(before: Path, lone: Medium, solid: Solid, kind: int) -> Path:
+        """The connection, dimmed by the only medium."""
+        path = before
+        span = chord(solid_span(solid, kind, before.origin, before.to_light), before.start.inside != wp.uint32(0))
+        length = wp.min(span[1], before.light_distance) - span[0]
+        passed = lone_attenuation(lone, wp.max(length, 0.0), before.from_medium == 1)
+        path.light_share = before.light_share * wp.where(length > 0.0, passed, 1.0)
+        return path
+
+    @wp.func(inline=True)
+    def end_connection(before: Path) -> Path:
+        path = before
+        path.radiance = before.radiance + before.light_share
         return path
 
     # ---- go on: roulette, and the new direction.
@@ -574,93 +700,145 @@ def build_program(features: RenderFeatures) -> Program:
     # ---- birth and death.
 
     @wp.func(inline=True)
-    def aim(camera: Camera, seed: wp.uint64, pixel: int, sample: int, row: int, column: int) -> Path:
-        """What tells one new path from another."""
+    def emit(camera: Camera, inside: wp.uint32, seed: wp.uint64, before: Path) -> Path:
+        """The path of this pixel and sample, at the camera."""
         path = Path()
-        path.pixel = pixel
-        path.sample = sample
+        path.pixel = before.pixel
+        path.row = before.row
+        path.column = before.column
+        path.sample = before.sample
         path.alive = 1
-        xi = uniforms(seed, pixel, sample, 0, CAMERA)
-        path.direction = camera_direction(camera, row, column, xi[0], xi[1])
-        if wp.static(features.chromatic):
-            path.channel = wp.min(int(xi[2] * 3.0), 2)
-        return path
-
-    @wp.func(inline=True)
-    def emit(scene: SceneData, aimed: Path) -> Path:
-        """A path at the camera."""
-        path = Path()
-        path.pixel = aimed.pixel
-        path.sample = aimed.sample
-        path.direction = aimed.direction
-        path.channel = aimed.channel
-        path.alive = 1
-        path.origin = scene.camera.position
+        xi = uniforms(seed, path.pixel, path.sample, 0, CAMERA)
+        path.origin = camera.position
+        path.direction = camera_direction(camera, path.row, path.column, xi[0], xi[1])
         path.throughput = wp.vec3(1.0, 1.0, 1.0)
-        path.start.inside = scene.camera_inside
+        path.start.inside = inside
         path.start.crossed = -1
         path.pdf_direction = CAMERA_RAY
-        path.channel_pdfs = wp.vec3(1.0, 1.0, 1.0)
         path.first_depth = INFINITE
         path.first_transmittance = wp.vec3(1.0, 1.0, 1.0)
         path.medium = -1
+        if wp.static(features.chromatic):
+            path.channel = wp.min(int(xi[2] * 3.0), 2)
+            path.channel_pdfs = wp.vec3(1.0, 1.0, 1.0)
         return path
 
+    @wp.func(inline=True)
+    def finish(before: Tally, path: Path, is_complete: bool) -> Tally:
+        """The tally of the path's pixel with the path in it, where the path is complete."""
+        sample = Sample()
+        sample.radiance = path.radiance
+        sample.alpha = path.alpha
+        sample.depth = path.first_depth
+        sample.transmittance = path.first_transmittance
+        sample.albedo = path.first_albedo
+        sample.truncated = path.truncated
+        return add_sample(before, sample, is_complete)
+
     @wp.func
-    def deposit(
-        film: Film,
-        pixel: int,
-        radiance: wp.vec3,
-        alpha: float,
-        depth: float,
-        transmittance: wp.vec3,
-        albedo: wp.vec3,
-        truncated: int,
-    ):
-        film.truncated[pixel] = film.truncated[pixel] + truncated
-        if is_finite(radiance):
-            value = wp.vec3d(radiance)
-            film.radiance[pixel] = film.radiance[pixel] + value
-            film.radiance_sq[pixel] = film.radiance_sq[pixel] + wp.cw_mul(value, value)
-            film.alpha[pixel] = film.alpha[pixel] + wp.float64(alpha)
-            if wp.static(Aov.DEPTH in features.aovs):
-                film.depth[pixel] = wp.min(film.depth[pixel], depth)
-            if wp.static(Aov.TRANSMITTANCE in features.aovs):
-                film.transmittance[pixel] = film.transmittance[pixel] + wp.vec3d(transmittance)
-            if wp.static(Aov.ALBEDO in features.aovs):
-                film.albedo[pixel] = film.albedo[pixel] + wp.vec3d(albedo)
-        else:
-            film.invalid[pixel] = film.invalid[pixel] + 1
+    def read_film(film: Film, place: int) -> Tally:
+        tally = Tally()
+        tally.radiance = film.radiance[place]
+        tally.radiance_sq = film.radiance_sq[place]
+        tally.alpha = film.alpha[place]
+        tally.invalid = film.invalid[place]
+        tally.truncated = film.truncated[place]
+        if wp.static(Aov.DEPTH in features.aovs):
+            tally.depth = film.depth[place]
+        if wp.static(Aov.TRANSMITTANCE in features.aovs):
+            tally.transmittance = film.transmittance[place]
+        if wp.static(Aov.ALBEDO in features.aovs):
+            tally.albedo = film.albedo[place]
+        return tally
+
+    @wp.func
+    def write_film(film: Film, place: int, tally: Tally):
+        film.radiance[place] = tally.radiance
+        film.radiance_sq[place] = tally.radiance_sq
+        film.alpha[place] = tally.alpha
+        film.invalid[place] = tally.invalid
+        film.truncated[place] = tally.truncated
+        if wp.static(Aov.DEPTH in features.aovs):
+            film.depth[place] = tally.depth
+        if wp.static(Aov.TRANSMITTANCE in features.aovs):
+            film.transmittance[place] = tally.transmittance
+        if wp.static(Aov.ALBEDO in features.aovs):
+            film.albedo[place] = tally.albedo
 
     # ---- the drivers.
+
+    @wp.func
+    def scene_of_image(scene: SceneData, image: int) -> SceneData:
+        """The scene with this image's media."""
+        view = scene
+        view.first_medium = image * scene.media_count
+        return view
 
     @wp.func
     def lone_medium(scene: SceneData) -> Medium:
         """The only medium, the same for every lane."""
         medium = Medium()
         if wp.static(lone_law != ""):
-            medium = scene.media[scene.containers[0].medium]
+            medium = scene.media[scene.first_medium + scene.containers[0].medium]
+            medium.law.kind = wp.static(int(LAW_KINDS[lone_law]))
         return medium
 
-    needs_meeting = has_surfaces or has_lights or features.distant_lights or lone_law == ""
-    needs_meeting = needs_meeting and (features.media or has_surfaces or has_lights or features.distant_lights)
-    needs_meeting = needs_meeting or Aov.TRANSMITTANCE in features.aovs
+    connects_in_lanes = features.connections and not has_crossings
+    opens_eyes_at_once = not features.media or (lone_law in ("exponential", "power") and not lone_solid)
+    needs_meeting = has_crossings and (lone_law == "" or Aov.TRANSMITTANCE in features.aovs)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options={"fuse_fp": False})
+    @wp.func
+    def look(scene: SceneData, before: Path) -> Path:
+        """One path's look at the whole scene."""
+        path = before
+        light_count = float(scene.lights.shape[0])
+        if wp.static(lone_solid):
+            solid = scene.solids[scene.lone_solid]
+            path = look_at_lone_solid(path, solid, solid.kind)
+        path = open_eyes(path)
+        if wp.static(features.solids):
+            for s in range(scene.solids.shape[0]):
+                solid = scene.solids[s]
+                if solid.surface >= 0:
+                    path = look_at_surface(path, solid, solid.kind, scene.surfaces[solid.surface])
+                elif wp.static(has_crossings):
+                    path = look_at_boundary(path, solid, solid.kind)
+        if wp.static(features.meshes):
+            path = look_at_meshes(scene, path)
+        if wp.static(features.connections):
+            for k in range(scene.lights.shape[0]):
+                light = scene.lights[k]
+                if light.kind != DISTANT:
+                    path = look_at_light(path, light, light.kind, k, light_count)
+        if wp.static(features.distant_lights):
+            for k in range(scene.lights.shape[0]):
+                path = look_beyond(path, scene.lights[k], light_count)
+        return path
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def render_threads(
-        scene: SceneData,
+        batch: SceneData,
         limits: Limits,
         film: Film,
-        seed: wp.uint64,
-        first_pixel: int,
+        first_image: int,
+        pixel_count: int,
         first_sample: int,
         sample_count: int,
     ):
-        pixel = first_pixel + wp.tid()
+        task, pixel = wp.tid()
+        image = first_image + task
+        scene = scene_of_image(batch, image)
+        seed = scene.seeds[image]
         lone = lone_medium(scene)
+        place = image * pixel_count + pixel
+        tally = read_film(film, place)
         for sample in range(first_sample, first_sample + sample_count):
-            width = scene.camera.width
-            path = emit(scene, aim(scene.camera, seed, pixel, sample, pixel // width, pixel % width))
+            path = Path()
+            path.pixel = pixel
+            path.row = pixel // scene.camera.width
+            path.column = pixel % scene.camera.width
+            path.sample = sample
+            path = emit(scene.camera, scene.camera_inside, seed, path)
             while path.alive == 1:
                 path = depart(path, seed)
                 if wp.static(features.media):
@@ -671,11 +849,7 @@ def build_program(features: RenderFeatures) -> Program:
                         if wp.static(lone_law == "fractional"):
                             path.ln_ratio = read_table(lone.law, scene.flight_tables, path.ln_ratio)
                         path = end_flight(path, lone, seed)
-                path = open_eyes(path)
-                if wp.static(features.solids):
-                    path.hit = intersect_solids(scene.solids, path.origin, path.direction, path.start, path.hit)
-                if wp.static(features.meshes or has_lights):
-                    path = look_at_the_rest(scene, path)
+                path = look(scene, path)
                 if wp.static(needs_meeting):
                     path = meet(scene, path)
                 path = arrive(path, lone, scene.environment, scene.camera.forward, limits)
@@ -683,96 +857,83 @@ def build_program(features: RenderFeatures) -> Program:
                     if path.scatters != MISS:
                         path = connect(scene, lone, path, seed)
                 path = go_on(path, limits)
-            deposit(
-                film,
-                pixel,
-                path.radiance,
-                path.alpha,
-                path.first_depth,
-                path.first_transmittance,
-                path.first_albedo,
-                path.truncated,
-            )
+            tally = finish(tally, path, True)
+        write_film(film, place, tally)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options={"fuse_fp": False})
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def render_pool(
-        scene: SceneData,
+        batch: SceneData,
         limits: Limits,
         film: Film,
-        seed: wp.uint64,
         scratch: wp.array(dtype=float),
+        image: int,
+        pixels_per_image: int,
         first_pixel: int,
         pixel_count: int,
         first_sample: int,
         sample_count: int,
     ):
         # Arrays of known layout, which is what lets the compiler see that lanes are apart.
-        lanes = wp.array(ptr=scratch.ptr, shape=(wp.static(pool_floats),), dtype=float)
-        aimed = wp.array(
-            ptr=scratch.ptr + wp.uint64(wp.static(4 * pool_floats)), shape=(wp.static(pool_floats),), dtype=float
+        sums = wp.array(ptr=scratch.ptr, shape=(wp.static(sum_count),), dtype=wp.float64)
+        lanes = wp.array(
+            ptr=scratch.ptr + wp.uint64(wp.static(8 * sum_count)), shape=(wp.static(pool_floats),), dtype=float
         )
+        scene = scene_of_image(batch, image)
+        seed = scene.seeds[image]
         lone = lone_medium(scene)
         camera = scene.camera
+        camera_inside = scene.camera_inside
         environment = scene.environment
-        first_row = first_pixel // camera.width
-        first_column = first_pixel % camera.width
-        next_pixel = int(0)
-        next_sample = int(0)
-        waiting = pixel_count * sample_count
-        ready = int(0)
-        taken = int(0)
+        light_count = scene.lights.shape[0]
+        lone_shape = Solid()
+        if wp.static(lone_solid):
+            lone_shape = scene.solids[scene.lone_solid]
+        first_place = image * pixels_per_image
+        next_pixel = int(first_pixel)
+        end_pixel = first_pixel + pixel_count
+        end_sample = first_sample + sample_count
         for i in range(LANES):
             idle = Path()
             idle.pixel = -1
+            idle.sample = end_sample
             store(lanes, i, idle)
-        busy = int(1)
-        while busy > 0:
-            # Refill: finished paths leave what they bring, new ones take their lanes.
-            busy = int(0)
+        working = int(LANES)
+        while working > 0:
+            # A lane takes the samples of its pixel one after the other, and then another pixel.
+            waiting = int(0)
             for i in range(LANES):
-                if is_alive(lanes, i):
-                    busy += 1
-                else:
+                path = load(lanes, i)
+                is_complete = path.alive == 0 and path.pixel >= 0
+                store_tally(sums, i, finish(load_tally(sums, i), path, is_complete))
+            for i in range(LANES):
+                path = load(lanes, i)
+                is_complete = path.alive == 0 and path.pixel >= 0
+                path.sample = path.sample + wp.where(is_complete, 1, 0)
+                waiting += wp.where(path.sample == end_sample, 1, 0)
+                store(lanes, i, path)
+            if waiting > 0:
+                for i in range(LANES):
                     path = load(lanes, i)
-                    if path.pixel >= 0:
-                        local = (path.pixel - first_pixel) * sample_count + path.sample - first_sample
-                        at = wp.static(2 * pool_floats) + local * SAMPLE_FLOATS
-                        for k in range(3):
-                            scratch[at + k] = path.radiance[k]
-                            if wp.static(Aov.TRANSMITTANCE in features.aovs):
-                                scratch[at + 5 + k] = path.first_transmittance[k]
-                            if wp.static(Aov.ALBEDO in features.aovs):
-                                scratch[at + 8 + k] = path.first_albedo[k]
-                        scratch[at + 3] = path.alpha
-                        if wp.static(Aov.DEPTH in features.aovs):
-                            scratch[at + 4] = path.first_depth
-                        scratch[at + 11] = float(path.truncated)
-                    if ready == 0 and waiting > 0:
-                        # Aim as many new paths as there are lanes; those past the last are not taken.
-                        for k in range(LANES):
-                            place_lane(aimed, k, next_pixel, next_sample)
-                            next_sample += 1
-                            if next_sample == sample_count:
-                                next_sample = 0
-                                next_pixel += 1
-                        for k in range(LANES):
-                            place = load(aimed, k)
-                            row = row_of(place.pixel + first_column, camera.width)
-                            column = place.pixel + first_column - row * camera.width
-                            pixel = first_pixel + place.pixel
-                            sample = first_sample + place.sample
-                            store(aimed, k, aim(camera, seed, pixel, sample, first_row + row, column))
-                        ready = wp.min(int(LANES), waiting)
-                        taken = 0
-                    if ready > 0:
-                        store(lanes, i, emit(scene, load(aimed, taken)))
-                        taken += 1
-                        ready -= 1
-                        waiting -= 1
-                        busy += 1
-                    elif path.pixel >= 0:
-                        path.pixel = -1
+                    if path.sample == end_sample:
+                        if path.pixel >= 0:
+                            write_film(film, first_place + path.pixel, load_tally(sums, i))
+                        if next_pixel < end_pixel:
+                            path.pixel = next_pixel
+                            path.row = next_pixel // camera.width
+                            path.column = next_pixel - path.row * camera.width
+                            path.sample = first_sample
+                            store_tally(sums, i, read_film(film, first_place + next_pixel))
+                            next_pixel += 1
+                        else:
+                            path.pixel = -1
+                            path.sample = end_sample + 1
+                            working -= 1
                         store(lanes, i, path)
+            for i in range(LANES):
+                path = load(lanes, i)
+                fresh = emit(camera, camera_inside, seed, path)
+                if path.alive == 0 and path.pixel >= 0:
+                    store(lanes, i, fresh)
 
             for i in range(LANES):
                 path = load(lanes, i)
@@ -780,8 +941,8 @@ def build_program(features: RenderFeatures) -> Program:
                 if wp.static(lone_law != ""):
                     path = begin_flight(path, lone.law)
                     if wp.static(lone_law != "fractional"):
-                        path = open_eyes(end_flight(path, lone, seed))
-                elif wp.static(not features.media):
+                        path = end_flight(path, lone, seed)
+                if wp.static(opens_eyes_at_once):
                     path = open_eyes(path)
                 store(lanes, i, path)
             if wp.static(lone_law == "fractional"):
@@ -791,7 +952,9 @@ def build_program(features: RenderFeatures) -> Program:
                     store(lanes, i, path)
                 for i in range(LANES):
                     path = load(lanes, i)
-                    path = open_eyes(end_flight(path, lone, seed))
+                    path = end_flight(path, lone, seed)
+                    if wp.static(not lone_solid):
+                        path = open_eyes(path)
                     store(lanes, i, path)
             if wp.static(features.media and lone_law == ""):
                 for i in range(LANES):
@@ -800,39 +963,49 @@ def build_program(features: RenderFeatures) -> Program:
                         path = open_eyes(fly_anywhere(scene, path, seed))
                     store(lanes, i, path)
 
-            if wp.static(features.solids):
+            if wp.static(lone_solid):
+                for kind in range(SOLID_KINDS):
+                    if lone_shape.kind == kind:
+                        for i in range(LANES):
+                            path = load(lanes, i)
+                            store(lanes, i, open_eyes(look_at_lone_solid(path, lone_shape, kind)))
+            if wp.static(features.solids and (has_crossings or has_surfaces)):
                 for s in range(scene.solids.shape[0]):
                     solid = scene.solids[s]
-                    if solid.surface < 0 and solid.kind == SPHERE:
-                        for i in range(LANES):
-                            path = load(lanes, i)
-                            store(lanes, i, look_at_boundary(path, solid, SPHERE))
-                    if solid.surface < 0 and solid.kind == CUBE:
-                        for i in range(LANES):
-                            path = load(lanes, i)
-                            store(lanes, i, look_at_boundary(path, solid, CUBE))
-                    if solid.surface < 0 and solid.kind == CYLINDER:
-                        for i in range(LANES):
-                            path = load(lanes, i)
-                            store(lanes, i, look_at_boundary(path, solid, CYLINDER))
+                    if wp.static(has_crossings):
+                        for kind in range(SOLID_KINDS):
+                            if solid.surface < 0 and solid.kind == kind:
+                                for i in range(LANES):
+                                    path = load(lanes, i)
+                                    store(lanes, i, look_at_boundary(path, solid, kind))
                     if wp.static(has_surfaces):
-                        if solid.surface >= 0 and solid.kind == SPHERE:
-                            for i in range(LANES):
-                                path = load(lanes, i)
-                                store(lanes, i, look_at_surface(path, solid, SPHERE))
-                        if solid.surface >= 0 and solid.kind == CUBE:
-                            for i in range(LANES):
-                                path = load(lanes, i)
-                                store(lanes, i, look_at_surface(path, solid, CUBE))
-                        if solid.surface >= 0 and solid.kind == CYLINDER:
-                            for i in range(LANES):
-                                path = load(lanes, i)
-                                store(lanes, i, look_at_surface(path, solid, CYLINDER))
-            if wp.static(features.meshes or has_lights):
+                        if solid.surface >= 0:
+                            surface = scene.surfaces[solid.surface]
+                            for kind in range(SOLID_KINDS):
+                                if solid.kind == kind:
+                                    for i in range(LANES):
+                                        path = load(lanes, i)
+                                        store(lanes, i, look_at_surface(path, solid, kind, surface))
+            if wp.static(features.meshes):
                 for i in range(LANES):
                     path = load(lanes, i)
                     if path.alive == 1:
-                        store(lanes, i, look_at_the_rest(scene, path))
+                        store(lanes, i, look_at_meshes(scene, path))
+            if wp.static(features.connections):
+                for k in range(light_count):
+                    light = scene.lights[k]
+                    if wp.static(has_lights):
+                        for kind in range(RECT, LIGHT_KINDS):
+                            if light.kind == kind:
+                                for i in range(LANES):
+                                    path = load(lanes, i)
+                                    store(lanes, i, look_at_light(path, light, kind, k, float(light_count)))
+                if wp.static(features.distant_lights):
+                    for k in range(light_count):
+                        light = scene.lights[k]
+                        for i in range(LANES):
+                            path = load(lanes, i)
+                            store(lanes, i, look_beyond(path, light, float(light_count)))
             if wp.static(needs_meeting):
                 for i in range(LANES):
                     path = load(lanes, i)
@@ -842,30 +1015,56 @@ def build_program(features: RenderFeatures) -> Program:
             for i in range(LANES):
                 path = load(lanes, i)
                 path = arrive(path, lone, environment, camera.forward, limits)
+                if wp.static(connects_in_lanes):
+                    path = begin_connection(path, lone)
                 if wp.static(not features.connections):
                     path = go_on(path, limits)
                 store(lanes, i, path)
-            if wp.static(features.connections):
+            if wp.static(features.connections and not connects_in_lanes):
                 for i in range(LANES):
                     path = load(lanes, i)
                     if path.scatters != MISS:
                         store(lanes, i, connect(scene, lone, path, seed))
+            if wp.static(connects_in_lanes):
+                for k in range(light_count):
+                    light = scene.lights[k]
+                    for kind in range(LIGHT_KINDS):
+                        if light.kind == kind:
+                            for i in range(LANES):
+                                path = load(lanes, i)
+                                store(lanes, i, aim_at_light(path, lone, seed, light, kind, k, light_count))
+                if wp.static(has_surfaces and features.solids):
+                    for s in range(scene.solids.shape[0]):
+                        solid = scene.solids[s]
+                        for kind in range(SOLID_KINDS):
+                            if solid.surface >= 0 and solid.kind == kind:
+                                for i in range(LANES):
+                                    path = load(lanes, i)
+                                    store(lanes, i, block_by_surface(path, solid, kind))
+                if wp.static(has_lights):
+                    for k in range(light_count):
+                        light = scene.lights[k]
+                        for kind in range(RECT, LIGHT_KINDS):
+                            if light.kind == kind:
+                                for i in range(LANES):
+                                    path = load(lanes, i)
+                                    store(lanes, i, block_by_light(path, light, kind))
+                if wp.static(features.meshes):
+                    for i in range(LANES):
+                        path = load(lanes, i)
+                        if max_component(path.light_share) > 0.0:
+                            store(lanes, i, block_by_meshes(scene, path))
+                if wp.static(lone_solid):
+                    for kind in range(SOLID_KINDS):
+                        if lone_shape.kind == kind:
+                            for i in range(LANES):
+                                path = load(lanes, i)
+                                store(lanes, i, dim_by_lone_solid(path, lone, lone_shape, kind))
+            if wp.static(features.connections):
                 for i in range(LANES):
                     path = load(lanes, i)
+                    if wp.static(connects_in_lanes):
+                        path = end_connection(path)
                     store(lanes, i, go_on(path, limits))
 
-        for p in range(pixel_count):
-            for s in range(sample_count):
-                at = wp.static(2 * pool_floats) + (p * sample_count + s) * SAMPLE_FLOATS
-                deposit(
-                    film,
-                    first_pixel + p,
-                    wp.vec3(scratch[at], scratch[at + 1], scratch[at + 2]),
-                    scratch[at + 3],
-                    scratch[at + 4],
-                    wp.vec3(scratch[at + 5], scratch[at + 6], scratch[at + 7]),
-                    wp.vec3(scratch[at + 8], scratch[at + 9], scratch[at + 10]),
-                    int(scratch[at + 11]),
-                )
-
-    return Program(features, render_threads, render_pool)
+    return Program(features, render_threads, render_pool, 2 * sum_count + pool_floats)

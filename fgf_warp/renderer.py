@@ -6,9 +6,10 @@ import os
 import platform
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -18,43 +19,78 @@ from fgf_warp import __version__
 from fgf_warp.bvh import load_builder
 from fgf_warp.errors import ConfigError, NumericalError
 from fgf_warp.features import required_features
-from fgf_warp.integrator import SAMPLE_FLOATS, Film, Program, build_program, lane_floats
+from fgf_warp.integrator import Film, Program, build_program
 from fgf_warp.result import RenderResult
-from fgf_warp.scene import Scene
-from fgf_warp.settings import Aov, RenderSettings
+from fgf_warp.scene import Medium, Scene
+from fgf_warp.settings import GIB, Aov, RenderSettings
 from fgf_warp.upload import UploadedScene, upload
 
 Progress = Callable[[int, int], None]
 """Called with the camera paths done so far, and in all."""
 
-PATHS_PER_LAUNCH = 1 << 15
-"""On the CPU: so many that the lanes are rarely idle at the end, so few that their samples stay in the cache."""
+PATHS_PER_LAUNCH = 1 << 16
+"""On the CPU: so many that the lanes are rarely idle at the end, so few that a launch is soon over."""
+PIXELS_PER_TASK = 1 << 12
+"""On the CPU, at most: some pixels for each lane, so that dark ones do not leave lanes idle."""
+TASKS_PER_THREAD = 4
+"""On the CPU, at least, so that threads end together."""
 PATHS_PER_CUDA_LAUNCH = 1 << 24
 """On CUDA: enough to fill the device."""
 FARTHEST = 1e38
 """Depths beyond it stand for nothing met."""
 BLOCK_DIM = 128
 """Threads of a CUDA block."""
+DEVELOPING_BYTES = 160
+"""Per pixel, while the image of a film is made: its planes, and float64 values on the way to them."""
 
 _build_lock = threading.Lock()
 
 
+@dataclass(frozen=True)
+class Variant:
+    """What one image of a batch has of its own.
+
+    Args:
+        media: in place of the scene's, one for each.
+        seed: in place of the settings', in [0, 2^64).
+    """
+
+    media: tuple[Medium, ...]
+    seed: int
+
+
 @dataclass(frozen=True, eq=False)
 class Model:
-    """What stays the same during a render: the scene on its device, and the kernel made for it."""
+    """What stays the same during a render: the scene on its device, and the kernel made for it.
+
+    Args:
+        scene: what is rendered.
+        settings: how.
+        variants: one for each image.
+        program: the kernels.
+        uploaded: scene and variants on the device.
+    """
 
     scene: Scene
     settings: RenderSettings
+    variants: tuple[Variant, ...]
     program: Program
     uploaded: UploadedScene
 
 
 @dataclass(eq=False)
 class State:
-    """What a render changes: sums over samples, and how many there are."""
+    """What a render changes.
+
+    Args:
+        film: sums over samples, for each pixel of each image.
+        samples: (images,) int64, per pixel so far.
+        seconds: (images,) that each image took: the time of all threads over their number.
+    """
 
     film: Any
-    samples: int = 0
+    samples: np.ndarray
+    seconds: np.ndarray
 
 
 def check_device(name: str) -> None:
@@ -88,21 +124,64 @@ def prepare(scene: Scene, settings: RenderSettings) -> Program:
     return program
 
 
-def build_model(scene: Scene, settings: RenderSettings) -> Model:
+def build_model(scene: Scene, settings: RenderSettings, variants: Sequence[Variant] | None = None) -> Model:
     """All that `step` needs.
 
+    Args:
+        scene: what to render.
+        settings: how.
+        variants: one for each image, all of one kind of kernel, see `batches`; by default the scene as it is.
+
     Raises:
-        ConfigError: for a device that is not there.
+        ConfigError: for a device that is not there, or images that need more memory than `settings.memory`.
         UnsupportedFeatureError: for a scene that this version cannot render.
     """
-    program = prepare(scene, settings)
-    return Model(scene, settings, program, upload(scene, settings))
+    images = tuple(variants) if variants is not None else (Variant(scene.media, settings.seed),)
+    _check_memory(settings, len(images))
+    program = prepare(scene.with_media(images[0].media), settings)
+    uploaded = upload(scene, settings, [image.media for image in images], [image.seed for image in images])
+    return Model(scene, settings, images, program, uploaded)
+
+
+def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings) -> Iterator[Model]:
+    """Models of as many successive images as one kernel renders and `settings.memory` holds.
+
+    Args:
+        scene: whose media the variants replace.
+        variants: one for each image.
+        settings: that the images share, but for the seed.
+
+    Raises:
+        ConfigError: where the memory does not hold a single image, or for a device that is not there.
+        UnsupportedFeatureError: for a scene that this version cannot render.
+    """
+    _check_memory(settings, 1)
+    at_once = int(settings.memory * GIB // image_bytes(settings))
+    for _, group in groupby(variants, lambda variant: required_features(scene.with_media(variant.media), settings)):
+        images = list(group)
+        for first in range(0, len(images), at_once):
+            yield build_model(scene, settings, images[first : first + at_once])
+
+
+def image_bytes(settings: RenderSettings) -> int:
+    """Memory that one image takes while it is rendered, beside the scene."""
+    film = 2 * 24 + 8 + 2 * 4  # radiance and its square, alpha, two counts
+    film += 24 * len(settings.aovs & {Aov.TRANSMITTANCE, Aov.ALBEDO}) + 4 * (Aov.DEPTH in settings.aovs)
+    return settings.width * settings.height * (film + DEVELOPING_BYTES)
+
+
+def _check_memory(settings: RenderSettings, images: int) -> None:
+    needed = images * image_bytes(settings) / GIB
+    if needed > settings.memory:
+        size = f"{settings.width} x {settings.height} pixels"
+        what = f"an image of {size}" if images == 1 else f"a batch of {images} images of {size}"
+        raise ConfigError(f"{what} needs {needed:.3g} GiB; accepted: at most memory = {settings.memory:g} GiB")
 
 
 def begin(model: Model) -> State:
-    """An empty film."""
+    """Empty films."""
     settings = model.settings
-    pixels = settings.width * settings.height
+    pixels = settings.width * settings.height * len(model.variants)
 
     def plane(dtype: Any, needed: bool = True) -> wp.array:
         return wp.zeros(pixels if needed else 0, dtype=dtype, device=settings.device)
@@ -117,22 +196,26 @@ def begin(model: Model) -> State:
     film.albedo = plane(wp.vec3d, Aov.ALBEDO in settings.aovs)
     film.invalid = plane(wp.int32)
     film.truncated = plane(wp.int32)
-    return State(film)
+    images = len(model.variants)
+    return State(film, np.zeros(images, dtype=np.int64), np.zeros(images))
 
 
 def step(model: Model, state: State, samples: int, progress: Progress | None = None) -> None:
-    """Adds `samples` per pixel to the state; how a render is cut into steps does not change its pixels.
+    """Adds `samples` per pixel to every image; how a render is cut into steps does not change its pixels."""
+    for _ in advance(model, state, samples, progress):
+        pass
 
-    Raises:
-        NumericalError: where a sample was not finite, naming its pixel.
+
+def advance(model: Model, state: State, samples: int, progress: Progress | None = None) -> Iterator[int]:
+    """The same, image by image.
+
+    Yields:
+        The index of each image, in order, as soon as all its samples are there.
     """
-    settings = model.settings
-    if settings.device == "cpu":
-        _step_cpu(model, state, samples, progress)
-    else:
-        _step_cuda(model, state, samples, progress)
-    state.samples += samples
-    _check_finite(model, state)
+    advance_on = _advance_cpu if model.settings.device == "cpu" else _advance_cuda
+    for image in advance_on(model, state, samples, progress):
+        state.samples[image] += samples
+        yield image
 
 
 def render(scene: Scene, settings: RenderSettings, progress: Progress | None = None) -> RenderResult:
@@ -144,105 +227,169 @@ def render(scene: Scene, settings: RenderSettings, progress: Progress | None = N
         progress: called with the camera paths done and in all.
 
     Raises:
-        ConfigError: for a device that is not there.
+        ConfigError: for a device that is not there, or an image that needs more memory than `settings.memory`.
         UnsupportedFeatureError: for a scene that this version cannot render.
         NumericalError: where a sample was not finite.
     """
-    model = build_model(scene, settings)
-    state = begin(model)
-    start = time.perf_counter()
-    step(model, state, settings.spp, progress)
-    return develop(model, state, time.perf_counter() - start)
+    return next(render_batch(scene, [Variant(scene.media, settings.seed)], settings, progress))
 
 
-def develop(model: Model, state: State, seconds: float) -> RenderResult:
-    """The image of a state, of at least one sample.
+def render_batch(
+    scene: Scene, variants: Sequence[Variant], settings: RenderSettings, progress: Progress | None = None
+) -> Iterator[RenderResult]:
+    """Renders many images of one scene whose media differ: a sweep.
+
+    An image is the same, to the bit on one device, in whatever batch it is rendered. Nothing is compiled for a change
+    of a medium's parameters inside one kind of law (exponential, power, fractional).
 
     Args:
-        model: what was rendered.
-        state: its sums.
-        seconds: wall time that the samples took.
-    """
-    settings, film, n = model.settings, state.film, state.samples
+        scene: whose media the variants replace.
+        variants: one for each image. Those with laws of one kind should follow each other.
+        settings: that the images share, but for the seed.
+        progress: called with the camera paths done and in all of one batch.
 
-    def mean(plane: wp.array) -> np.ndarray:
-        values = plane.numpy() / n
+    Yields:
+        The images, in order.
+
+    Raises:
+        ConfigError: where the memory does not hold a single image, or for a device that is not there.
+        UnsupportedFeatureError: for a scene that this version cannot render.
+        NumericalError: where a sample was not finite.
+    """
+    for model in batches(scene, variants, settings):
+        state = begin(model)
+        for image in advance(model, state, settings.spp, progress):
+            yield develop(model, state, image)
+
+
+def develop(model: Model, state: State, image: int = 0) -> RenderResult:
+    """One image of a state, of at least one sample.
+
+    Raises:
+        NumericalError: where a sample was not finite, naming its pixel.
+    """
+    settings, film, n = model.settings, state.film, int(state.samples[image])
+    pixels = settings.width * settings.height
+
+    def plane(sums: wp.array) -> np.ndarray:
+        values = sums[image * pixels : (image + 1) * pixels].numpy()
         return values.reshape(settings.height, settings.width, *values.shape[1:])
 
-    radiance = mean(film.radiance)
-    spread = np.maximum(mean(film.radiance_sq) - radiance**2, 0.0)
+    _check_finite(model, image, plane(film.invalid))
+    radiance = plane(film.radiance) / n
+    spread = np.maximum(plane(film.radiance_sq) / n - radiance**2, 0.0)
+    variance = spread / (n - 1) if n > 1 else np.full_like(spread, np.inf)
     aovs: dict[Aov, np.ndarray] = {}
     if Aov.DEPTH in settings.aovs:
-        depth = film.depth.numpy().reshape(settings.height, settings.width)
+        depth = plane(film.depth)
         aovs[Aov.DEPTH] = np.where(depth < FARTHEST, depth, np.inf).astype(np.float32)
     if Aov.TRANSMITTANCE in settings.aovs:
-        aovs[Aov.TRANSMITTANCE] = mean(film.transmittance).astype(np.float32)
+        aovs[Aov.TRANSMITTANCE] = (plane(film.transmittance) / n).astype(np.float32)
     if Aov.ALBEDO in settings.aovs:
-        aovs[Aov.ALBEDO] = mean(film.albedo).astype(np.float32)
-    variance = spread / (n - 1) if n > 1 else np.full_like(spread, np.inf)
+        aovs[Aov.ALBEDO] = (plane(film.albedo) / n).astype(np.float32)
     return RenderResult(
         radiance=radiance.astype(np.float32),
-        alpha=mean(film.alpha).astype(np.float32),
+        alpha=(plane(film.alpha) / n).astype(np.float32),
         variance=variance.astype(np.float32),
         aovs=aovs,
         samples=n,
-        path_count=n * settings.width * settings.height,
-        truncated_count=int(film.truncated.numpy().sum(dtype=np.int64)),
-        seconds=seconds,
-        settings=settings,
-        provenance=_provenance(model, n),
+        path_count=n * pixels,
+        truncated_count=int(plane(film.truncated).sum(dtype=np.int64)),
+        seconds=float(state.seconds[image]),
+        settings=replace(settings, seed=model.variants[image].seed),
+        provenance=_provenance(model, image, n),
     )
 
 
-def _step_cpu(model: Model, state: State, samples: int, progress: Progress | None) -> None:
-    """Threads pull ranges of pixels; a launch runs on the thread that asks for it and releases the GIL."""
+@dataclass(frozen=True)
+class _Task:
+    """A range of an image's pixels."""
+
+    image: int
+    first_pixel: int
+    pixel_count: int
+
+
+def _advance_cpu(model: Model, state: State, samples: int, progress: Progress | None) -> Iterator[int]:
+    """Threads pull tasks; a launch runs on the thread that asks for it and releases the GIL."""
     settings = model.settings
-    pixels = settings.width * settings.height
-    total, done, lock = pixels * samples, 0, threading.Lock()
+    pixels, images = settings.width * settings.height, len(model.variants)
     threads = settings.threads or os.cpu_count() or 1
-    tile = max(1, min(-(-pixels // (4 * threads)), PATHS_PER_LAUNCH))
-    scratch_floats = 2 * lane_floats(model.program.features) + PATHS_PER_LAUNCH * int(SAMPLE_FLOATS)
+    task_pixels = min(pixels, PIXELS_PER_TASK, max(-(-pixels * images // (TASKS_PER_THREAD * threads)), 1))
+    total, done, lock = pixels * images * samples, 0, threading.Lock()
+    stopped = threading.Event()
     own = threading.local()
 
-    def render_range(task: tuple[int, int, int, int]) -> None:
+    def run(task: _Task) -> None:
         nonlocal done
-        first_pixel, pixel_count, first_sample, sample_count = task
         if not hasattr(own, "scratch"):
-            own.scratch = wp.empty(scratch_floats, dtype=float, device="cpu")
-        wp.launch(
-            model.program.render_pool,
-            dim=1,
-            inputs=[*_inputs(model, state), own.scratch, first_pixel, pixel_count, first_sample, sample_count],
-            device="cpu",
-        )
-        with lock:
-            done += pixel_count * sample_count
-            if progress is not None:
-                progress(done, total)
+            own.scratch = wp.empty(model.program.scratch_floats, dtype=float, device="cpu")
+        at_once = max(1, PATHS_PER_LAUNCH // task.pixel_count)
+        for first_sample, sample_count in _rounds(int(state.samples[task.image]), samples, at_once):
+            if stopped.is_set():
+                return
+            started = time.perf_counter()
+            wp.launch(
+                model.program.render_pool,
+                dim=1,
+                inputs=[
+                    *_inputs(model, state),
+                    own.scratch,
+                    task.image,
+                    pixels,
+                    task.first_pixel,
+                    task.pixel_count,
+                    first_sample,
+                    sample_count,
+                ],
+                device="cpu",
+            )
+            with lock:
+                state.seconds[task.image] += (time.perf_counter() - started) / threads
+                done += task.pixel_count * sample_count
+                if progress is not None:
+                    progress(done, total)
 
-    # A pixel's samples stay in order: the ranges of one round are disjoint, and a round ends before the next.
     with ThreadPoolExecutor(threads) as pool:
-        for first_sample, sample_count in _rounds(state.samples, samples, max(1, PATHS_PER_LAUNCH // tile)):
-            tasks = [(first, min(tile, pixels - first), first_sample, sample_count) for first in range(0, pixels, tile)]
-            list(pool.map(render_range, tasks))
+        try:
+            running = [
+                [
+                    pool.submit(run, _Task(image, first, min(task_pixels, pixels - first)))
+                    for first in range(0, pixels, task_pixels)
+                ]
+                for image in range(images)
+            ]
+            for image, tasks in enumerate(running):
+                for task in tasks:
+                    task.result()
+                yield image
+        finally:
+            # Where something went wrong, or nobody wants the rest, what is under way ends soon.
+            stopped.set()
+            pool.shutdown(cancel_futures=True)
 
 
-def _step_cuda(model: Model, state: State, samples: int, progress: Progress | None) -> None:
+def _advance_cuda(model: Model, state: State, samples: int, progress: Progress | None) -> Iterator[int]:
+    """All images at once, some samples a launch."""
     settings = model.settings
-    pixels = settings.width * settings.height
+    pixels, images = settings.width * settings.height, len(model.variants)
+    at_once = max(1, PATHS_PER_CUDA_LAUNCH // (pixels * images))
     done = 0
-    for first_sample, sample_count in _rounds(state.samples, samples, max(1, PATHS_PER_CUDA_LAUNCH // pixels)):
+    started = time.perf_counter()
+    for first_sample, sample_count in _rounds(int(state.samples[0]), samples, at_once):
         wp.launch(
             model.program.render_threads,
-            dim=pixels,
-            inputs=[*_inputs(model, state), 0, first_sample, sample_count],
+            dim=(images, pixels),
+            inputs=[*_inputs(model, state), 0, pixels, first_sample, sample_count],
             device=settings.device,
             block_dim=BLOCK_DIM,
         )
         wp.synchronize_device(settings.device)
-        done += pixels * sample_count
+        done += pixels * images * sample_count
         if progress is not None:
-            progress(done, pixels * samples)
+            progress(done, pixels * images * samples)
+    state.seconds += (time.perf_counter() - started) / images
+    yield from range(images)
 
 
 def _rounds(first: int, samples: int, at_once: int) -> Iterator[tuple[int, int]]:
@@ -251,27 +398,27 @@ def _rounds(first: int, samples: int, at_once: int) -> Iterator[tuple[int, int]]
 
 
 def _inputs(model: Model, state: State) -> list[Any]:
-    return [model.uploaded.data, model.uploaded.limits, state.film, wp.uint64(model.settings.seed)]
+    return [model.uploaded.data, model.uploaded.limits, state.film]
 
 
-def _check_finite(model: Model, state: State) -> None:
-    invalid = state.film.invalid.numpy()
+def _check_finite(model: Model, image: int, invalid: np.ndarray) -> None:
     if not invalid.any():
         return
-    row, column = divmod(int(np.argmax(invalid)), model.settings.width)
+    row, column = np.unravel_index(int(np.argmax(invalid)), invalid.shape)
+    variant = model.variants[image]
     media = "; ".join(
         f"{m.name}: H = {m.hurst:g}, S_w = {m.white_noise_scale:g}, sigma_m = {m.mean_extinction:g}, "
         f"g = {m.asymmetry:g}"
-        for m in model.scene.media
+        for m in variant.media
     )
     raise NumericalError(
         f"{int(invalid.sum())} samples are not finite, most of them in pixel ({column}, {row}) "
-        f"with seed {model.settings.seed} ({media})"
+        f"with seed {variant.seed} ({media})"
     )
 
 
-def _provenance(model: Model, samples: int) -> dict[str, Any]:
-    settings, scene = model.settings, model.scene
+def _provenance(model: Model, image: int, samples: int) -> dict[str, Any]:
+    settings, scene, variant = model.settings, model.scene, model.variants[image]
     return {
         "scene": scene.source,
         "meters_per_unit": scene.meters_per_unit,
@@ -292,13 +439,13 @@ def _provenance(model: Model, samples: int) -> dict[str, Any]:
                 "transport": m.resolved_transport,
                 "priority": m.priority,
             }
-            for m in scene.media
+            for m in variant.media
         ],
         "settings": {
             key: value
             for key, value in asdict(settings).items()
-            if key in ("width", "height", "seed", "max_depth", "roulette_depth")
+            if key in ("width", "height", "max_depth", "roulette_depth")
         }
-        | {"spp": samples, "device": settings.device.split(":")[0]},
+        | {"seed": variant.seed, "spp": samples, "device": settings.device.split(":")[0]},
         "versions": {"fgf-warp": __version__, "warp-lang": wp.config.version, "python": platform.python_version()},
     }

@@ -424,7 +424,11 @@ class Scene:
 
     def with_medium(self, index: int, medium: Medium) -> Scene:
         """The same scene with one medium replaced."""
-        return replace(self, media=(*self.media[:index], medium, *self.media[index + 1 :]))
+        return self.with_media((*self.media[:index], medium, *self.media[index + 1 :]))
+
+    def with_media(self, media: tuple[Medium, ...]) -> Scene:
+        """The same scene with other media in the place of its own."""
+        return replace(self, media=media)
 
 
 def shape_bounds(shape: Shape) -> tuple[np.ndarray, np.ndarray]:

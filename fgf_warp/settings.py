@@ -9,6 +9,8 @@ from enum import StrEnum
 from fgf_warp.errors import ConfigError
 
 SEED_MAX = 2**64 - 1
+GIB = 2**30
+"""Bytes of a GiB."""
 
 
 class Aov(StrEnum):
@@ -41,6 +43,8 @@ class RenderSettings:
         aovs: what to write beside radiance and alpha; a set, of `Aov` or their names.
         device: a Warp device name, ``cpu`` or ``cuda:0``.
         threads: CPU threads of one render, >= 1; None takes every core. It never changes a pixel.
+        memory: that the images which are rendered at once may take, beside the scene [GiB], > 0. It never changes a
+            pixel.
 
     Raises:
         ConfigError: naming the setting, its value and the accepted range.
@@ -55,6 +59,7 @@ class RenderSettings:
     aovs: frozenset[Aov] = frozenset()
     device: str = "cpu"
     threads: int | None = None
+    memory: float = 4.0
 
     def __post_init__(self) -> None:
         for key, lower, upper in (
@@ -70,6 +75,8 @@ class RenderSettings:
                 raise ConfigError(f"{key} = {value!r}; accepted: an integer in [{lower}, {upper}]")
         if self.threads is not None and (not _is_integer(self.threads) or self.threads < 1):
             raise ConfigError(f"threads = {self.threads!r}; accepted: an integer >= 1, or None")
+        if not isinstance(self.memory, int | float) or not self.memory > 0:
+            raise ConfigError(f"memory = {self.memory!r}; accepted: a number of GiB > 0")
         if not isinstance(self.device, str):
             raise ConfigError(f"device = {self.device!r}; accepted: a name, such as 'cpu'")
         if not isinstance(self.aovs, Set) or not self.aovs <= set(Aov):

@@ -54,8 +54,16 @@ class UploadedScene:
     limits: Any
 
 
-def upload(scene: Scene, settings: RenderSettings) -> UploadedScene:
+def upload(
+    scene: Scene, settings: RenderSettings, media_of_images: Sequence[Sequence[Medium]], seeds: Sequence[int]
+) -> UploadedScene:
     """Copies a scene to `settings.device`.
+
+    Args:
+        scene: what the images share.
+        settings: how they are rendered.
+        media_of_images: for each image what takes the place of the scene's media.
+        seeds: of each image.
 
     Raises:
         UnsupportedFeatureError: for more than 32 shapes filled with media.
@@ -70,17 +78,20 @@ def upload(scene: Scene, settings: RenderSettings) -> UploadedScene:
         )
     solids = [_solid(shape, shapes, containers) for shape in shapes if isinstance(shape, Solid)]
     tables = FlightTables()
-    media = [_medium(index, item, tables) for index, item in enumerate(scene.media)]
+    media = [_medium(index, item, tables) for own in media_of_images for index, item in enumerate(own)]
 
     data = SceneData()
     data.camera = _camera(scene.camera, settings.width, settings.height)
     data.environment = wp.vec3(*_dome_radiance(scene))
     data.solids = wp.array(solids, dtype=geometry.Solid, device=device)
+    filled = [k for k, solid in enumerate(solids) if solid.container >= 0]
+    data.lone_solid = filled[0] if filled else -1
     data.meshes = build_device_meshes(shapes, containers, device)
     data.surfaces = wp.array(
         [_surface(s.surface) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
     )
     data.media = wp.array(media, dtype=medium.Medium, device=device)
+    data.media_count = len(scene.media)
     data.containers = wp.array([_container(s, scene) for s in containers], dtype=medium.Container, device=device)
     data.lights = wp.array(
         [build_device_light(light) for light in scene.lights if not isinstance(light, DomeLight)],
@@ -89,6 +100,7 @@ def upload(scene: Scene, settings: RenderSettings) -> UploadedScene:
     )
     data.flight_tables = wp.array(tables.rows(), dtype=wp.vec2, device=device)
     data.camera_inside = wp.uint32(containers_around(scene.camera.position, containers))
+    data.seeds = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
 
     limits = Limits()
     limits.max_depth = settings.max_depth

@@ -29,11 +29,3 @@ def camera_direction(camera: Camera, row: int, column: int, xi1: float, xi2: flo
     x = camera.left_edge + (float(column) + xi1) * camera.pixel_width
     y = camera.top_edge - (float(row) + xi2) * camera.pixel_height
     return unit(camera.forward + camera.right * x + camera.up * y)
-
-
-@wp.func(inline=True)
-def row_of(place: int, width: int) -> int:
-    """place // width for 0 <= place < 2^23, without an integer division."""
-    row = int(float(place) / float(width))
-    rest = place - row * width
-    return row + wp.where(rest >= width, 1, wp.where(rest < 0, -1, 0))

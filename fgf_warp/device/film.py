@@ -1,14 +1,16 @@
 """Sums over the samples of each pixel, in float64 and in the order of the samples.
 
-So an image does not depend on how its samples are cut into steps.
+So an image does not depend on how its samples are cut into steps, nor on what else is rendered with it.
 """
 
 import warp as wp
 
+from fgf_warp.device.numerics import INFINITE, is_finite
+
 
 @wp.struct
 class Film:
-    """One entry per pixel; planes that the render does not need are empty."""
+    """One entry per pixel of each image, image after image; planes that the render does not need are empty."""
 
     radiance: wp.array(dtype=wp.vec3d)
     radiance_sq: wp.array(dtype=wp.vec3d)
@@ -21,3 +23,62 @@ class Film:
     """Samples that were not finite, and were left out."""
     truncated: wp.array(dtype=wp.int32)
     """Paths cut at the bound on their length."""
+
+
+@wp.struct
+class Tally:
+    """The film's entry for one pixel, while its samples are added."""
+
+    radiance: wp.vec3d
+    radiance_sq: wp.vec3d
+    alpha: wp.float64
+    depth: float
+    transmittance: wp.vec3d
+    albedo: wp.vec3d
+    invalid: int
+    truncated: int
+
+
+@wp.struct
+class Sample:
+    """What one path brings."""
+
+    radiance: wp.vec3
+    alpha: float
+    depth: float
+    transmittance: wp.vec3
+    albedo: wp.vec3
+    truncated: int
+
+
+@wp.func(inline=True)
+def add_where(condition: bool, total: wp.vec3d, value: wp.vec3) -> wp.vec3d:
+    """total + value, or total."""
+    return wp.vec3d(
+        total[0] + wp.float64(wp.where(condition, value[0], 0.0)),
+        total[1] + wp.float64(wp.where(condition, value[1], 0.0)),
+        total[2] + wp.float64(wp.where(condition, value[2], 0.0)),
+    )
+
+
+@wp.func(inline=True)
+def square(v: wp.vec3d) -> wp.vec3d:
+    """Of each component."""
+    return wp.vec3d(v[0] * v[0], v[1] * v[1], v[2] * v[2])
+
+
+@wp.func(inline=True)
+def add_sample(before: Tally, sample: Sample, is_complete: bool) -> Tally:
+    """The tally with the sample in it, where it is complete; branch-free."""
+    tally = before
+    is_valid = is_complete and is_finite(sample.radiance)
+    tally.invalid = before.invalid + wp.where(is_complete and not is_valid, 1, 0)
+    tally.truncated = before.truncated + wp.where(is_complete, sample.truncated, 0)
+    value = add_where(is_valid, wp.vec3d(), sample.radiance)
+    tally.radiance = before.radiance + value
+    tally.radiance_sq = before.radiance_sq + square(value)
+    tally.alpha = before.alpha + wp.float64(wp.where(is_valid, sample.alpha, 0.0))
+    tally.depth = wp.min(before.depth, wp.where(is_valid, sample.depth, INFINITE))
+    tally.transmittance = add_where(is_valid, before.transmittance, sample.transmittance)
+    tally.albedo = add_where(is_valid, before.albedo, sample.albedo)
+    return tally

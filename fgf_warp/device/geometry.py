@@ -21,6 +21,7 @@ LIGHT = wp.constant(3)
 SPHERE = wp.constant(0)
 CUBE = wp.constant(1)
 CYLINDER = wp.constant(2)
+SOLID_KINDS = wp.constant(3)
 
 MARGIN = wp.constant(1.0e-6)
 """Relative distance that a scattering event keeps from the face of a mesh ahead."""
@@ -154,6 +155,20 @@ def boundary_distance(span: wp.vec2, t_min: float, is_within: bool) -> float:
     leaves = wp.where(meets, wp.max(span[1], t_min), t_min)
     enters = wp.where(meets and span[1] > t_min, wp.max(span[0], t_min), INFINITE)
     return wp.where(is_within, leaves, enters)
+
+
+@wp.func(inline=True)
+def chord(span: wp.vec2, is_within: bool) -> wp.vec2:
+    """Where a ray is in the solid that spans (t_enter, t_exit): from 0 on, and empty where it never is.
+
+    Whether its origin is within is known, not computed, as for `boundary_distance`.
+    """
+    meets = span[0] <= span[1]
+    leaves = wp.where(meets, wp.max(span[1], 0.0), 0.0)
+    enters = meets and span[1] > 0.0
+    first = wp.where(enters, wp.max(span[0], 0.0), INFINITE)
+    last = wp.where(enters, span[1], -INFINITE)
+    return wp.vec2(wp.where(is_within, 0.0, first), wp.where(is_within, leaves, last))
 
 
 @wp.func(inline=True)

@@ -10,6 +10,7 @@ from typing import Any
 
 import warp as wp
 
+from fgf_warp.device.film import Tally
 from fgf_warp.device.geometry import Hit, Start
 
 LANES = wp.constant(128)
@@ -20,6 +21,9 @@ class Path:
     """A path, at an event or between two."""
 
     pixel: int
+    """Of the image; -1 in a lane that has none."""
+    row: int
+    column: int
     sample: int
     alive: int
     origin: wp.vec3
@@ -61,6 +65,11 @@ class Path:
     ln_ratio: float
     """ln(u/E) of the flight; before that, its place in the flight table."""
     hit: Hit
+    t_in: float
+    t_out: float
+    """Distances between which the ray is in the lone solid."""
+    met: wp.vec3
+    """Radiance from what is met, or from distant lights beyond, times its mis_weight."""
     albedo: wp.vec3
     """Of the surface that is met, or where media differ, of the medium."""
     asymmetry: float
@@ -69,36 +78,59 @@ class Path:
     """SURFACE or BOUNDARY (in a medium) where this event scatters the path on, else MISS."""
     wi: wp.vec3
     """The new direction."""
+    to_light: wp.vec3
+    """Direction of the connection."""
+    light_distance: float
+    light_share: wp.vec3
+    """Radiance that the connection would bring through empty space; 0 where it is blocked."""
 
 
 def slots(features: Any) -> dict[str, int]:
     """First row of each number that paths carry between the stages of a scene of these features."""
-    sizes = {"pixel": 1, "sample": 1, "alive": 1, "origin": 3, "direction": 3, "throughput": 3, "radiance": 3}
-    sizes |= {"alpha": 1, "truncated": 1, "bounce": 1, "depth": 1, "xi": 4, "flight": 1, "hit_t": 1, "hit_kind": 1}
-    sizes |= {"hit_item": 1, "scatters": 1, "wi": 3}
+    sizes = {"pixel": 1, "row": 1, "column": 1, "sample": 1, "alive": 1, "origin": 3, "direction": 3}
+    sizes |= {"throughput": 3, "radiance": 3, "alpha": 1, "truncated": 1, "bounce": 1, "depth": 1, "xi": 4, "flight": 1}
+    sizes |= {"hit_t": 1, "hit_kind": 1, "hit_item": 1}
     if features.media:
-        sizes |= {
-            "inside": 1,
-            "t_min": 1,
-            "crossed": 1,
-            "slack": 1,
-            "segment": 1,
-            "keeps": 1,
-            "crossings": 1,
-            "from_medium": 1,
-            "medium": 1,
-            "ln_ratio": 1,
-        }
-    if features.media or features.surfaces:
-        sizes |= {"albedo": 3, "asymmetry": 1}
-    if features.surfaces or features.shaped_lights:
+        sizes |= {"inside": 1}
+    if features.lone_solid:
+        sizes |= {"t_in": 1, "t_out": 1}
+    if features.crossings:
+        sizes |= {"t_min": 1, "crossings": 1, "medium": 1}
+    if features.media and features.lone_law != "exponential":
+        sizes |= {"from_medium": 1}
+    if features.meshes:
+        sizes |= {"crossed": 1, "slack": 1}
+    if features.lone_law == "":
+        sizes |= {"segment": 1, "keeps": 1, "asymmetry": 1}
+    if features.lone_law == "fractional":
+        sizes |= {"ln_ratio": 1}
+    if features.surfaces or features.connections:
+        sizes |= {"met": 3}
+    if features.surfaces or features.lone_law == "":
+        sizes |= {"albedo": 3}
+    if features.surfaces:
         sizes |= {"normal": 3}
     if features.connections:
-        sizes |= {"pdf_direction": 1}
+        sizes |= {"pdf_direction": 1, "scatters": 1, "wi": 3}
+    if features.connections and not features.crossings:
+        sizes |= {"to_light": 3, "light_distance": 1, "light_share": 3}
     if features.chromatic:
         sizes |= {"channel": 1, "channel_pdfs": 3}
     if features.aovs:
         sizes |= {"first_depth": 1, "first_transmittance": 3, "first_albedo": 3, "has_met_medium": 1}
+    return rows_of(sizes)
+
+
+def tally_slots(features: Any) -> dict[str, int]:
+    """First row, of float64, of each number that a pixel's tally has in a scene of these features."""
+    sizes = {"radiance": 3, "radiance_sq": 3, "alpha": 1, "invalid": 1, "truncated": 1}
+    if features.aovs:
+        sizes |= {"depth": 1, "transmittance": 3, "albedo": 3}
+    return rows_of(sizes)
+
+
+def rows_of(sizes: dict[str, int]) -> dict[str, int]:
+    """First row of each number, one after the other, and under "" the number of rows."""
     rows, place = {}, 0
     for name, size in sizes.items():
         rows[name] = place
@@ -107,8 +139,13 @@ def slots(features: Any) -> dict[str, int]:
 
 
 def lane_floats(features: Any) -> int:
-    """Floats of the pool's rows."""
+    """Floats of the paths' rows."""
     return slots(features)[""] * int(LANES)
+
+
+def tally_floats(features: Any) -> int:
+    """Numbers, of float64, of the tallies' rows."""
+    return tally_slots(features)[""] * int(LANES)
 
 
 @wp.func(inline=True)
@@ -151,23 +188,65 @@ def put3(lanes: wp.array(dtype=float), row: int, i: int, value: wp.vec3):
     lanes[at + 2 * LANES] = value[2]
 
 
-def build_lanes(features: Any) -> tuple[Any, Any, Any, Any]:
-    """Functions on lane i: load a path, store one, ask whether it is alive, and set its pixel and sample."""
+@wp.func(inline=True)
+def get3d(sums: wp.array(dtype=wp.float64), row: int, i: int) -> wp.vec3d:
+    """A vector of lane i's tally."""
+    at = row * LANES + i
+    return wp.vec3d(sums[at], sums[at + LANES], sums[at + 2 * LANES])
+
+
+@wp.func(inline=True)
+def put3d(sums: wp.array(dtype=wp.float64), row: int, i: int, value: wp.vec3d):
+    """Sets a vector of lane i's tally."""
+    at = row * LANES + i
+    sums[at] = value[0]
+    sums[at + LANES] = value[1]
+    sums[at + 2 * LANES] = value[2]
+
+
+def build_tallies(features: Any) -> tuple[Any, Any]:
+    """Functions on lane i: load the tally of its pixel, and store it."""
+    at = tally_slots(features)
+
+    @wp.func(inline=True)
+    def load_tally(sums: wp.array(dtype=wp.float64), i: int) -> Tally:
+        tally = Tally()
+        tally.radiance = get3d(sums, wp.static(at["radiance"]), i)
+        tally.radiance_sq = get3d(sums, wp.static(at["radiance_sq"]), i)
+        tally.alpha = sums[wp.static(at["alpha"]) * LANES + i]
+        tally.invalid = int(sums[wp.static(at["invalid"]) * LANES + i])
+        tally.truncated = int(sums[wp.static(at["truncated"]) * LANES + i])
+        if wp.static("depth" in at):
+            tally.depth = float(sums[wp.static(at["depth"]) * LANES + i])
+            tally.transmittance = get3d(sums, wp.static(at["transmittance"]), i)
+            tally.albedo = get3d(sums, wp.static(at["albedo"]), i)
+        return tally
+
+    @wp.func(inline=True)
+    def store_tally(sums: wp.array(dtype=wp.float64), i: int, tally: Tally):
+        put3d(sums, wp.static(at["radiance"]), i, tally.radiance)
+        put3d(sums, wp.static(at["radiance_sq"]), i, tally.radiance_sq)
+        sums[wp.static(at["alpha"]) * LANES + i] = tally.alpha
+        sums[wp.static(at["invalid"]) * LANES + i] = wp.float64(tally.invalid)
+        sums[wp.static(at["truncated"]) * LANES + i] = wp.float64(tally.truncated)
+        if wp.static("depth" in at):
+            sums[wp.static(at["depth"]) * LANES + i] = wp.float64(tally.depth)
+            put3d(sums, wp.static(at["transmittance"]), i, tally.transmittance)
+            put3d(sums, wp.static(at["albedo"]), i, tally.albedo)
+
+    return load_tally, store_tally
+
+
+def build_lanes(features: Any) -> tuple[Any, Any]:
+    """Functions on lane i: load its path, and store it."""
     at = slots(features)
-
-    @wp.func(inline=True)
-    def is_alive(lanes: wp.array(dtype=float), i: int) -> bool:
-        return get_int(lanes, wp.static(at["alive"]), i) == 1
-
-    @wp.func(inline=True)
-    def place_lane(lanes: wp.array(dtype=float), i: int, pixel: int, sample: int):
-        put_int(lanes, wp.static(at["pixel"]), i, pixel)
-        put_int(lanes, wp.static(at["sample"]), i, sample)
 
     @wp.func(inline=True)
     def load(lanes: wp.array(dtype=float), i: int) -> Path:
         path = Path()
         path.pixel = get_int(lanes, wp.static(at["pixel"]), i)
+        path.row = get_int(lanes, wp.static(at["row"]), i)
+        path.column = get_int(lanes, wp.static(at["column"]), i)
         path.sample = get_int(lanes, wp.static(at["sample"]), i)
         path.alive = get_int(lanes, wp.static(at["alive"]), i)
         path.origin = get3(lanes, wp.static(at["origin"]), i)
@@ -184,27 +263,42 @@ def build_lanes(features: Any) -> tuple[Any, Any, Any, Any]:
         path.hit.t = get(lanes, wp.static(at["hit_t"]), i)
         path.hit.kind = get_int(lanes, wp.static(at["hit_kind"]), i)
         path.hit.item = get_int(lanes, wp.static(at["hit_item"]), i)
-        path.scatters = get_int(lanes, wp.static(at["scatters"]), i)
-        path.wi = get3(lanes, wp.static(at["wi"]), i)
         path.medium = -1
         if wp.static("inside" in at):
             path.start.inside = wp.uint32(get_int(lanes, wp.static(at["inside"]), i))
+        if wp.static("t_in" in at):
+            path.t_in = get(lanes, wp.static(at["t_in"]), i)
+            path.t_out = get(lanes, wp.static(at["t_out"]), i)
+        if wp.static("t_min" in at):
             path.start.t_min = get(lanes, wp.static(at["t_min"]), i)
+            path.segment = path.start.t_min
+            path.crossings = get_int(lanes, wp.static(at["crossings"]), i)
+            path.medium = get_int(lanes, wp.static(at["medium"]), i)
+        if wp.static("from_medium" in at):
+            path.from_medium = get_int(lanes, wp.static(at["from_medium"]), i)
+        if wp.static("crossed" in at):
             path.start.crossed = get_int(lanes, wp.static(at["crossed"]), i)
             path.start.slack = get(lanes, wp.static(at["slack"]), i)
+        if wp.static("segment" in at):
             path.segment = get(lanes, wp.static(at["segment"]), i)
             path.keeps = get_int(lanes, wp.static(at["keeps"]), i)
-            path.crossings = get_int(lanes, wp.static(at["crossings"]), i)
-            path.from_medium = get_int(lanes, wp.static(at["from_medium"]), i)
-            path.medium = get_int(lanes, wp.static(at["medium"]), i)
+            path.asymmetry = get(lanes, wp.static(at["asymmetry"]), i)
+        if wp.static("ln_ratio" in at):
             path.ln_ratio = get(lanes, wp.static(at["ln_ratio"]), i)
+        if wp.static("met" in at):
+            path.met = get3(lanes, wp.static(at["met"]), i)
         if wp.static("albedo" in at):
             path.albedo = get3(lanes, wp.static(at["albedo"]), i)
-            path.asymmetry = get(lanes, wp.static(at["asymmetry"]), i)
         if wp.static("normal" in at):
             path.hit.normal = get3(lanes, wp.static(at["normal"]), i)
         if wp.static("pdf_direction" in at):
             path.pdf_direction = get(lanes, wp.static(at["pdf_direction"]), i)
+            path.scatters = get_int(lanes, wp.static(at["scatters"]), i)
+            path.wi = get3(lanes, wp.static(at["wi"]), i)
+        if wp.static("to_light" in at):
+            path.to_light = get3(lanes, wp.static(at["to_light"]), i)
+            path.light_distance = get(lanes, wp.static(at["light_distance"]), i)
+            path.light_share = get3(lanes, wp.static(at["light_share"]), i)
         if wp.static("channel" in at):
             path.channel = get_int(lanes, wp.static(at["channel"]), i)
             path.channel_pdfs = get3(lanes, wp.static(at["channel_pdfs"]), i)
@@ -218,6 +312,8 @@ def build_lanes(features: Any) -> tuple[Any, Any, Any, Any]:
     @wp.func(inline=True)
     def store(lanes: wp.array(dtype=float), i: int, path: Path):
         put_int(lanes, wp.static(at["pixel"]), i, path.pixel)
+        put_int(lanes, wp.static(at["row"]), i, path.row)
+        put_int(lanes, wp.static(at["column"]), i, path.column)
         put_int(lanes, wp.static(at["sample"]), i, path.sample)
         put_int(lanes, wp.static(at["alive"]), i, path.alive)
         put3(lanes, wp.static(at["origin"]), i, path.origin)
@@ -237,26 +333,40 @@ def build_lanes(features: Any) -> tuple[Any, Any, Any, Any]:
         put(lanes, wp.static(at["hit_t"]), i, path.hit.t)
         put_int(lanes, wp.static(at["hit_kind"]), i, path.hit.kind)
         put_int(lanes, wp.static(at["hit_item"]), i, path.hit.item)
-        put_int(lanes, wp.static(at["scatters"]), i, path.scatters)
-        put3(lanes, wp.static(at["wi"]), i, path.wi)
         if wp.static("inside" in at):
             put_int(lanes, wp.static(at["inside"]), i, wp.int32(path.start.inside))
+        if wp.static("t_in" in at):
+            put(lanes, wp.static(at["t_in"]), i, path.t_in)
+            put(lanes, wp.static(at["t_out"]), i, path.t_out)
+        if wp.static("t_min" in at):
             put(lanes, wp.static(at["t_min"]), i, path.start.t_min)
+            put_int(lanes, wp.static(at["crossings"]), i, path.crossings)
+            put_int(lanes, wp.static(at["medium"]), i, path.medium)
+        if wp.static("from_medium" in at):
+            put_int(lanes, wp.static(at["from_medium"]), i, path.from_medium)
+        if wp.static("crossed" in at):
             put_int(lanes, wp.static(at["crossed"]), i, path.start.crossed)
             put(lanes, wp.static(at["slack"]), i, path.start.slack)
+        if wp.static("segment" in at):
             put(lanes, wp.static(at["segment"]), i, path.segment)
             put_int(lanes, wp.static(at["keeps"]), i, path.keeps)
-            put_int(lanes, wp.static(at["crossings"]), i, path.crossings)
-            put_int(lanes, wp.static(at["from_medium"]), i, path.from_medium)
-            put_int(lanes, wp.static(at["medium"]), i, path.medium)
+            put(lanes, wp.static(at["asymmetry"]), i, path.asymmetry)
+        if wp.static("ln_ratio" in at):
             put(lanes, wp.static(at["ln_ratio"]), i, path.ln_ratio)
+        if wp.static("met" in at):
+            put3(lanes, wp.static(at["met"]), i, path.met)
         if wp.static("albedo" in at):
             put3(lanes, wp.static(at["albedo"]), i, path.albedo)
-            put(lanes, wp.static(at["asymmetry"]), i, path.asymmetry)
         if wp.static("normal" in at):
             put3(lanes, wp.static(at["normal"]), i, path.hit.normal)
         if wp.static("pdf_direction" in at):
             put(lanes, wp.static(at["pdf_direction"]), i, path.pdf_direction)
+            put_int(lanes, wp.static(at["scatters"]), i, path.scatters)
+            put3(lanes, wp.static(at["wi"]), i, path.wi)
+        if wp.static("to_light" in at):
+            put3(lanes, wp.static(at["to_light"]), i, path.to_light)
+            put(lanes, wp.static(at["light_distance"]), i, path.light_distance)
+            put3(lanes, wp.static(at["light_share"]), i, path.light_share)
         if wp.static("channel" in at):
             put_int(lanes, wp.static(at["channel"]), i, path.channel)
             put3(lanes, wp.static(at["channel_pdfs"]), i, path.channel_pdfs)
@@ -266,4 +376,4 @@ def build_lanes(features: Any) -> tuple[Any, Any, Any, Any]:
             put3(lanes, wp.static(at["first_albedo"]), i, path.first_albedo)
             put_int(lanes, wp.static(at["has_met_medium"]), i, path.has_met_medium)
 
-    return load, store, is_alive, place_lane
+    return load, store

@@ -6,7 +6,7 @@ against 50-digit values over kappa and u from 1e-8 to 1e8.
 
 import warp as wp
 
-from fgf_warp.device.numerics import exp_bounded, expm1_ratio, log_positive
+from fgf_warp.device.numerics import exp_bounded, exp_or_zero, expm1_ratio, log_positive
 
 EXPONENTIAL = wp.constant(0)
 """b = 0 or kappa = 0: exp(-rate u)."""
@@ -45,16 +45,16 @@ class Law:
     """First row of the medium's flight table; used by the fractional kind."""
 
 
-@wp.func
+@wp.func(inline=True)
 def log1p_ratio(y: float) -> float:
     """l(y) = log1p(y) / y, y >= 0; relative error below 5e-7."""
-    if y >= 1.0:
-        return wp.log(1.0 + y) / y
-    z = y / (2.0 + y)
+    small = wp.min(y, 1.0)
+    large = wp.max(y, 1.0)
+    z = small / (2.0 + small)
     z2 = z * z
     odd = z2 / 13.0 + z2 * z2 / 15.0
     odd = z2 * (1.0 / 3.0 + z2 * (1.0 / 5.0 + z2 * (1.0 / 7.0 + z2 * (1.0 / 9.0 + z2 * (1.0 / 11.0 + odd)))))
-    return (1.0 - z) * (1.0 + odd)
+    return wp.where(y >= 1.0, log_positive(1.0 + large) / large, (1.0 - z) * (1.0 + odd))
 
 
 @wp.func
@@ -69,33 +69,34 @@ def log1p_ratio_slope(y: float) -> float:
     return 0.5 * (1.0 - z) * (1.0 - z) * (1.0 / (1.0 + z) + z * odd)
 
 
-@wp.func
+@wp.func(inline=True)
 def ln_y(law: Law, u: float) -> float:
     """ln(kappa u^b)."""
-    return law.ln_kappa + law.b * wp.log(wp.max(u, TINY_U))
+    return law.ln_kappa + law.b * log_positive(wp.max(u, TINY_U))
 
 
-@wp.func
+@wp.func(inline=True)
+def exponent_of(y: float, u: float) -> float:
+    """f(u) of y = kappa u^b."""
+    return u * log1p_ratio(y)
+
+
+@wp.func(inline=True)
+def exponent_d1_of(law: Law, y: float) -> float:
+    """f'(u) of y = kappa u^b."""
+    return (1.0 - law.b) * log1p_ratio(y) + law.b / (1.0 + y)
+
+
+@wp.func(inline=True)
 def line_exponent(law: Law, u: float) -> float:
     """f(u) = -ln Tr(u); relative error below 1e-5."""
-    if law.kind == EXPONENTIAL:
-        return law.rate * u
-    w = ln_y(law, u)
-    if w >= LARGE_LN_Y:
-        return w * wp.exp(wp.log(wp.max(u, TINY_U)) - w)
-    return u * log1p_ratio(wp.exp(w))
+    return wp.where(law.kind == EXPONENTIAL, law.rate * u, exponent_of(exp_bounded(ln_y(law, u)), u))
 
 
-@wp.func
+@wp.func(inline=True)
 def line_exponent_d1(law: Law, u: float) -> float:
     """f'(u); relative error below 1e-5."""
-    if law.kind == EXPONENTIAL:
-        return law.rate
-    w = ln_y(law, u)
-    if w >= LARGE_LN_Y:
-        return ((1.0 - law.b) * w + law.b) * wp.exp(-w)
-    y = wp.exp(w)
-    return (1.0 - law.b) * log1p_ratio(y) + law.b / (1.0 + y)
+    return wp.where(law.kind == EXPONENTIAL, law.rate, exponent_d1_of(law, exp_bounded(ln_y(law, u))))
 
 
 @wp.func
@@ -111,25 +112,25 @@ def line_exponent_d2(law: Law, u: float) -> float:
     return -law.b / u * y * (a * log1p_ratio_slope(y) + law.b / ((1.0 + y) * (1.0 + y)))
 
 
-@wp.func
+@wp.func(inline=True)
 def initial_rate(law: Law) -> float:
     """-Tr'(0) for b >= 0."""
     return wp.where(law.kind == EXPONENTIAL, law.rate, 1.0)
 
 
-@wp.func
+@wp.func(inline=True)
 def transmittance_ss(law: Law, u: float) -> float:
     """Tss = Tr(u); relative error below 1e-6 + 1e-5 f(u)."""
-    return wp.exp(-line_exponent(law, u))
+    return exp_or_zero(-line_exponent(law, u))
 
 
-@wp.func
+@wp.func(inline=True)
 def density_sm(law: Law, u: float) -> float:
     """Tsm = -Tr'(u); relative error below 1e-5 (1 + f(u))."""
     return line_exponent_d1(law, u) * transmittance_ss(law, u)
 
 
-@wp.func
+@wp.func(inline=True)
 def transmittance_ms(law: Law, u: float) -> float:
     """Tms = Tr'(u) / Tr'(0), b >= 0; relative error below 1e-5 (1 + f(u))."""
     return density_sm(law, u) / initial_rate(law)
@@ -140,6 +141,22 @@ def density_mm(law: Law, u: float) -> float:
     """Tmm = Tr''(u) / -Tr'(0), b >= 0; relative error below 2e-5 + 1e-5 f(u)."""
     d1 = line_exponent_d1(law, u)
     return (d1 * d1 - line_exponent_d2(law, u)) * transmittance_ss(law, u) / initial_rate(law)
+
+
+@wp.func(inline=True)
+def segment_transmittance(law: Law, u: float, from_medium: bool) -> float:
+    """Share of light that passes a segment which ends uncorrelated: Tms from a medium vertex, else Tss."""
+    passed = transmittance_ss(law, u)
+    shortens = from_medium and law.reciprocal == 1
+    return wp.where(shortens, passed * line_exponent_d1(law, u) / initial_rate(law), passed)
+
+
+@wp.func(inline=True)
+def flight_density(law: Law, u: float, from_medium: bool) -> float:
+    """Density in u of the next scattering event: Tmm from a medium vertex, else Tsm."""
+    if from_medium and law.reciprocal == 1:
+        return density_mm(law, u)
+    return density_sm(law, u)
 
 
 @wp.func(inline=True)

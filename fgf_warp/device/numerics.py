@@ -11,6 +11,9 @@ INV_4PI = wp.constant(0.0795774715459477)
 INFINITE = wp.constant(3.0e38)
 """Stands for an unbounded distance; finite so that no arithmetic on it makes a NaN."""
 
+LARGEST = wp.constant(3.4028234e38)
+"""Of float32."""
+
 
 @wp.func(inline=True)
 def choose(condition: bool, a: wp.vec3, b: wp.vec3) -> wp.vec3:
@@ -50,6 +53,12 @@ def exp_bounded(x: float) -> float:
     series = 1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0 + r / 5040.0))
     mantissa = 1.0 + (r + r * r * (0.5 + r * (1.0 / 6.0 + r * series)))
     return mantissa * wp.cast((int(n) + 127) << 23, wp.float32)
+
+
+@wp.func(inline=True)
+def exp_or_zero(x: float) -> float:
+    """exp(x) for x <= 88, and 0 below -87."""
+    return wp.where(x < -87.0, 0.0, exp_bounded(x))
 
 
 @wp.func(inline=True)
@@ -113,4 +122,5 @@ def max_component(v: wp.vec3) -> float:
 @wp.func(inline=True)
 def is_finite(v: wp.vec3) -> bool:
     """True where no component is a NaN or infinite."""
-    return wp.isfinite(v[0]) and wp.isfinite(v[1]) and wp.isfinite(v[2])
+    # Of a NaN no comparison holds.
+    return wp.abs(v[0]) <= LARGEST and wp.abs(v[1]) <= LARGEST and wp.abs(v[2]) <= LARGEST

@@ -88,10 +88,10 @@ def sample_light_kernel(
     out: wp.array2d(dtype=float),
 ):
     i = wp.tid()
-    s = lights.sample_light(light[0], position, xi[i][0], xi[i][1])
+    s = lights.sample_light(light[0], light[0].kind, position, xi[i][0], xi[i][1])
     direction[i] = s.direction
     out[0, i] = s.pdf_solid_angle
-    out[1, i] = lights.light_pdf(light[0], position, position + s.direction * s.distance, s.direction)
+    out[1, i] = lights.light_pdf(light[0], light[0].kind, position, position + s.direction * s.distance, s.direction)
     out[2, i] = s.distance
 
 
