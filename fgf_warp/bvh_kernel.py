@@ -6,7 +6,7 @@ WIDTH = wp.constant(16)
 """Children of a node, at most."""
 LEAF = wp.constant(8)
 """Triangles of a leaf, at most."""
-BINS = wp.constant(16)
+BINS = wp.constant(32)
 MAX_LEVELS = wp.constant(7)
 """As deep as the traversal's stack, and room for 8 16^7 triangles."""
 UNBOUNDED = wp.constant(3.0e38)

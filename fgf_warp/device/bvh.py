@@ -28,8 +28,8 @@ LEAF_FLOATS = wp.constant(9 * 8)
 CORNER_FLOATS = wp.constant(3 * 8)
 STACK = 106
 """Enough for 7 levels of 15 waiting children each, and no tree is deeper; and one place for the end."""
-BOX_SLACK = wp.constant(1.0000004)
-"""1 + 2 gamma(3) of Ize."""
+BOX_SLACK = wp.constant(1.0000005)
+"""1 + 2 gamma(3) of Ize, and some more since it scales the inverse of the slope."""
 NONE = wp.constant(2147483647)
 """Stands for no node."""
 ROUNDING = wp.constant(1.0e-6)
@@ -118,25 +118,27 @@ def enter_boxes(
     far: wp.vec3i,
     origin: wp.vec3,
     inverse: wp.vec3,
+    slackened: wp.vec3,
     t_least: float,
     t_most: float,
 ):
     """Where the ray enters the children of a node, and bits of those that it is in between t_least and t_most.
 
     near, far: where the rows of the planes begin that the ray meets first and last, for each axis.
+    inverse, slackened: of the slopes, for the near planes and with `BOX_SLACK` for the far ones.
     """
     entries = vec16()
     met = int(0)
     lane = int(0)
     while lane < WIDTH:
         x0 = (boxes[near[0] + lane] - origin[0]) * inverse[0]
-        x1 = (boxes[far[0] + lane] - origin[0]) * inverse[0]
+        x1 = (boxes[far[0] + lane] - origin[0]) * slackened[0]
         y0 = (boxes[near[1] + lane] - origin[1]) * inverse[1]
-        y1 = (boxes[far[1] + lane] - origin[1]) * inverse[1]
+        y1 = (boxes[far[1] + lane] - origin[1]) * slackened[1]
         z0 = (boxes[near[2] + lane] - origin[2]) * inverse[2]
-        z1 = (boxes[far[2] + lane] - origin[2]) * inverse[2]
+        z1 = (boxes[far[2] + lane] - origin[2]) * slackened[2]
         t0 = upper(upper(x0, y0), upper(z0, t_least))
-        t1 = lower(lower(x1, y1), lower(z1, t_most)) * BOX_SLACK
+        t1 = lower(lower(x1, y1), lower(z1, t_most))
         entries[lane] = t0
         met = met | wp.where(t0 <= t1, 1 << lane, 0)
         lane += 1
@@ -147,13 +149,12 @@ def enter_boxes(
 def meet_triangles(
     triangles: wp.array(dtype=float), rows: wp.vec3i, origin: wp.vec3, shear: wp.vec3, t_least: float, t_most: float
 ):
-    """Distances of a leaf's triangles, bits of those between t_least and t_most, and of those with their front ahead.
+    """Distances of a leaf's triangles, and bits of those between t_least and t_most: eight of fronts, eight of backs.
 
     In the ray's frame: `rows`, where the first corners' coordinates begin, and `origin` are along its axes.
     """
     distances = vec8()
     met = int(0)
-    fronts = int(0)
     lane = int(0)
     while lane < LEAF:
         a = rows[2] + lane
@@ -176,11 +177,10 @@ def meet_triangles(
         t = (u * az + v * bz + w * cz) * shear[2] / (u + v + w)
         distances[lane] = t
         front = wp.where(lower(u, lower(v, w)) >= 0.0, 1 << lane, 0)
-        back = wp.where(upper(u, upper(v, w)) <= 0.0, 1 << lane, 0)
+        back = wp.where(upper(u, upper(v, w)) <= 0.0, 256 << lane, 0)
         met = met | wp.where(t > t_least, wp.where(t < t_most, front | back, 0), 0)
-        fronts = fronts | front
         lane += 1
-    return distances, met, fronts
+    return distances, met
 
 
 @wp.func
@@ -212,6 +212,7 @@ def intersect_meshes(bvh: Bvh, origin: wp.vec3, direction: wp.vec3, start: Start
     slack = upper(start.slack, ROUNDING * coordinate_reach(origin, start.t_min))
     t_least = start.t_min - FLATTEST * slack
     inverse = wp.vec3(safe_inverse(direction[0]), safe_inverse(direction[1]), safe_inverse(direction[2]))
+    slackened = inverse * BOX_SLACK
     near = wp.vec3i(
         wp.where(direction[0] < 0.0, WIDTH, 0),
         wp.where(direction[1] < 0.0, 3 * WIDTH, 2 * WIDTH),
@@ -243,7 +244,9 @@ def intersect_meshes(bvh: Bvh, origin: wp.vec3, direction: wp.vec3, start: Start
         if node >= 0:
             row = node * NODE_FLOATS
             rows = wp.vec3i(row, row, row)
-            entries, met = enter_boxes(boxes, near + rows, far + rows, origin, inverse, t_least, hit.t)
+            entries, met = enter_boxes(
+                boxes, near + rows, far + rows, origin, inverse, slackened, t_least, hit.t * BOX_SLACK
+            )
             if met != 0:
                 # The nearest child comes next, the others wait.
                 first_child = node * WIDTH
@@ -268,18 +271,20 @@ def intersect_meshes(bvh: Bvh, origin: wp.vec3, direction: wp.vec3, start: Start
         else:
             leaf = -1 - node
             row = leaf * LEAF_FLOATS
-            distances, met, fronts = meet_triangles(
+            distances, met = meet_triangles(
                 triangles, framed_rows + wp.vec3i(row, row, row), framed_origin, shear, t_least, hit.t
             )
             while met != 0:
                 lane = lowest_lane(met)
+                is_front = lane < LEAF
+                lane = wp.where(is_front, lane, lane - LEAF)
                 met = met & (met - 1)
                 t = distances[lane]
                 owner = int(0)
                 if bvh.meshes.shape[0] > 1:
                     owner = owners[leaf * LEAF + lane]
                 mesh = bvh.meshes[owner]
-                is_met = t < hit.t and accepts(mesh, ((fronts >> lane) & 1) == 1, t, start)
+                is_met = t < hit.t and accepts(mesh, is_front, t, start)
                 if is_met and t < start.t_min:
                     # Behind: as far as rounding can have moved the ray across the face, and no farther.
                     normal = triangle_normal(triangles, leaf, lane)

@@ -60,6 +60,21 @@ def test_hits_are_those_of_every_triangle(copies):
     assert np.median(np.abs(normal[met] - expected_normal).max(axis=1)) < 1e-5
 
 
+def test_hits_among_triangles_that_overlap():
+    """Rays with many boxes waiting."""
+    rng = np.random.default_rng(4)
+    points = rng.normal(size=(12_000, 3)).astype(np.float32)
+    soup = Mesh("/soup", points, np.arange(12_000).reshape(-1, 3), Surface())
+    origin = rng.uniform(-3, 3, size=(200, 3)).astype(np.float32)
+    direction = directions(200, 5)
+    t, _ = meet_meshes([soup], origin, direction)
+    nearest = meet_every_triangle(points[soup.triangles], origin, direction).min(axis=1)
+    assert np.array_equal(t >= 0, np.isfinite(nearest))
+    met = t >= 0
+    assert met.sum() > 100
+    assert np.allclose(t[met], nearest[met], rtol=1e-4, atol=1e-5)
+
+
 def test_no_ray_leaves_a_closed_mesh_unseen():
     """Two million rays from inside at corners and edges of triangles: a leak rate of 1.5e-6 would show at 95 %."""
     n = 1_000_000
