@@ -12,6 +12,8 @@ from tests.stats import sidak_z
 
 BLOCK = 8
 """Side of a block [pixel]."""
+ROWS = 20
+"""Comparisons of a benchmark, which are one family."""
 ROUNDING = 1e-6
 """Relative error of float32 sums, far below every bias that is looked for."""
 TINY, LOG_TINY = 1e-300, -690.0
@@ -23,7 +25,8 @@ class Agreement:
 
     Args:
         max_z: the largest |z| of all checks.
-        limit: that `max_z` exceeds by chance with probability `tests.stats.FAMILY_LEVEL`.
+        limit: that the `max_z` of any of ROWS comparisons exceeds by chance with probability
+            `tests.stats.FAMILY_LEVEL`.
         bias_seen: the bias that would be seen in the noisiest block, with 2 standard errors to spare,
             relative to the mean of the image it is in.
         checks: number of sums over blocks and the image, per channel.
@@ -119,7 +122,7 @@ def _judge(differences: np.ndarray, variance: np.ndarray, spread: np.ndarray | N
         freedom = variance**2 / np.maximum(spread, TINY)
         tail = stats.t.logsf(z, np.maximum(freedom, 1.0))
         z = np.where(variance > 0, -stats.norm.ppf(np.exp(np.maximum(tail, LOG_TINY))), z)
-    limit = sidak_z(z.size)
+    limit = sidak_z(ROWS * z.size)
     bias = (limit + 2) * errors / scale
     return Agreement(float(z.max()), limit, float(bias.max()), z.size)
 

@@ -27,7 +27,7 @@ from tests.benchmarks.limit import FLAGS, Walk, build_walk, run_walk
 from tests.benchmarks.renderers import CPU_VARIANT, SCALAR_VARIANT, Measured, Mitsuba, Ours
 from tests.benchmarks.sides import Side
 
-PARTS = ("A", "B", "C", "S", "laws", "limit")
+PARTS = (*scenes.SINGLE, "S", "laws", "limit")
 """What `--only` chooses from."""
 SWEEP_IMAGES = 256
 THREADS = 2
@@ -40,6 +40,11 @@ THREADS_TARGET = 1.8
 MEMORY_TARGET = 2**30
 EQUAL_ERROR = 0.01
 """RMSE, relative to the image's mean, to which equal-error times are scaled."""
+
+SPEED, ERROR, LAW, LIMIT = "Speed", "Equal error", "Laws", "Limit"
+"""Parts of the report."""
+PHASE_ONLY = f"{CPU_VARIANT}, phase sampling only"
+"""Where all light is a constant environment, this is the faster way for Mitsuba."""
 
 LAWS: dict[str, dict[str, float]] = {
     "exponential": {},
@@ -68,42 +73,65 @@ class Effort:
     reference_seconds: float
 
 
-FULL = Effort(repeats=8, seconds=1.5, sweep_step=1, reference_seconds=20.0)
+FULL = Effort(repeats=8, seconds=2.5, sweep_step=1, reference_seconds=20.0)
 QUICK = Effort(repeats=5, seconds=0.4, sweep_step=8, reference_seconds=4.0)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Row:
-    """One line of the table: what ours and theirs came to, the smaller the better.
+    """One line of the table: what is compared came to, the smaller the better.
 
     Args:
+        part: of the report.
         scene: of the benchmark.
         quantity: what is compared.
-        unit: of `ours` and `theirs`.
-        ours: medians over the repeats.
-        theirs: the same; None where nothing is compared with.
-        ratio: theirs over ours, the median over the repeats.
-        spread: the least and the largest ratio of a repeat.
+        unit: of the repeats.
+        our_repeats: what ours came to.
+        their_repeats: what theirs came to, each right after the same of ours.
         target: of the ratio; None where none is set.
         agreement: of the images; None where the row needs none.
         note: for the reader.
     """
 
+    part: str
     scene: str
     quantity: str
     unit: str
-    ours: float
-    theirs: float | None
-    ratio: float | None
-    spread: tuple[float, float] | None = None
+    our_repeats: list[float]
+    their_repeats: list[float]
     target: float | None = None
     agreement: Agreement | None = None
     note: str = ""
 
     @property
+    def ours(self) -> float:
+        """The median."""
+        return statistics.median(self.our_repeats)
+
+    @property
+    def theirs(self) -> float:
+        """The median."""
+        return statistics.median(self.their_repeats)
+
+    @property
+    def ratios(self) -> list[float]:
+        """Theirs over ours, in each repeat."""
+        return [theirs / ours for ours, theirs in zip(self.our_repeats, self.their_repeats, strict=True)]
+
+    @property
+    def ratio(self) -> float:
+        """The median."""
+        return statistics.median(self.ratios)
+
+    @property
     def failed(self) -> bool:
         """True where the images disagree."""
         return self.agreement is not None and not self.agreement.holds
+
+    def to_json(self) -> dict[str, Any]:
+        """The fields, and what follows from them."""
+        derived = ("ours", "theirs", "ratio", "failed")
+        return asdict(self) | {name: getattr(self, name) for name in derived}
 
 
 @dataclass
@@ -116,7 +144,12 @@ class Report:
     seconds: float = 0.0
 
     def to_json(self) -> dict[str, Any]:
-        return asdict(self)
+        return {
+            "versions": self.versions,
+            "rows": [row.to_json() for row in self.rows],
+            "notes": self.notes,
+            "seconds": self.seconds,
+        }
 
 
 class Benchmark:
@@ -133,7 +166,6 @@ class Benchmark:
         self._say = say
         self._folder = tempfile.TemporaryDirectory()
         self._sides: dict[str, Side] = {}
-        self._events_per_path: float | None = None
 
     def run(self, parts: Sequence[str]) -> Report:
         """Measures some of PARTS."""
@@ -141,7 +173,10 @@ class Benchmark:
         try:
             for part in parts:
                 self._say(f"{part}:")
-                {"S": self.sweep, "laws": self.laws, "limit": self.limit}.get(part, lambda: self.scene(part))()  # noqa: B023
+                if part in scenes.SINGLE:
+                    self.scene(part)
+                else:
+                    {"S": self.sweep, "laws": self.laws, "limit": self.limit}[part]()
         finally:
             for side in self._sides.values():
                 side.close()
@@ -152,8 +187,8 @@ class Benchmark:
         """Scenes A, B and C: times, two threads, and equal error."""
         ours, theirs = self._side("ours"), self._side(CPU_VARIANT)
         pairs = {CPU_VARIANT: theirs}
-        if name != "B":  # Where all light is a constant environment, this is the faster way.
-            pairs[f"{CPU_VARIANT}, no emitter sampling in the medium"] = self._side("phase only")
+        if name != "B":
+            pairs[PHASE_ONLY] = self._side(PHASE_ONLY)
         if name == "A":
             pairs[SCALAR_VARIANT] = self._side(SCALAR_VARIANT)
         stage = self._stage(name)
@@ -166,48 +201,51 @@ class Benchmark:
             for label, side in {"ours": ours, CPU_VARIANT: theirs}.items():
                 wall[label].append(side.render(name, spp[side.name], seed=101 + repeat, threads=THREADS))
             self._say_speeds(name, repeat, runs)
+        every = {label: _estimate(runs[label] + wall.get(label, [])) for label in runs}
         for label in pairs:
-            agreement = compare(_estimate(runs["ours"]), _estimate(runs[label]))
+            agreement = compare(every["ours"], every[label])
             target = {CPU_VARIANT: TARGETS[name], SCALAR_VARIANT: SCALAR_TARGET}.get(label)
-            self._compare(name, f"CPU time, {label}", runs["ours"], runs[label], _cpu, target, agreement)
-        agreement = compare(*map(_estimate, wall.values()))
-        self._compare(name, f"wall time of two threads, {CPU_VARIANT}", *wall.values(), _wall, None, agreement)
+            self._compare(SPEED, name, f"CPU time, {label}", runs["ours"], runs[label], _cpu, target, agreement)
+        agreement = compare(every["ours"], every[CPU_VARIANT])
+        self._compare(SPEED, name, f"wall time of two threads, {CPU_VARIANT}", *wall.values(), _wall, None, agreement)
         self._compare_threads(name, wall["ours"], runs["ours"])
         self._equal_error(name, runs, spp["ours"])
 
     def sweep(self) -> None:
         """Scene S: batches that are each a fair sample of all its media."""
-        ours, theirs = self._side("ours, S"), self._side(CPU_VARIANT)
+        ours, theirs, phase_only = self._side("ours, S"), self._side(CPU_VARIANT), self._side(PHASE_ONLY)
         stage = self._stage("S")
         indices = list(range(0, SWEEP_IMAGES, self.effort.sweep_step))
-        for side in (ours, theirs):
+        for side in (ours, theirs, phase_only):
             side.load("S", stage)
             side.sweep("S", indices[:2], scenes.SWEEP_SPP, seed=0, threads=1)  # Compiles.
         # All images at once, for the memory that this takes.
         whole = ours.sweep("S", indices, scenes.SWEEP_SPP, seed=7, threads=THREADS)
         self._say(f"  S: {len(indices)} images in one batch by ours: {whole.cost.wall_seconds:.1f} s")
         batches = [indices[first :: self.effort.repeats] for first in range(self.effort.repeats)]
-        runs: dict[str, list[Measured]] = {"ours": [], CPU_VARIANT: []}
+        runs: dict[str, list[Measured]] = {"ours": [], CPU_VARIANT: [], PHASE_ONLY: []}
         wall: dict[str, list[Measured]] = {"ours": [], CPU_VARIANT: []}
         for repeat, batch in enumerate(batches):
             for label, side in {"ours": ours, CPU_VARIANT: theirs}.items():
                 runs[label].append(side.sweep("S", batch, scenes.SWEEP_SPP, seed=1, threads=1))
                 wall[label].append(side.sweep("S", batch, scenes.SWEEP_SPP, seed=1001, threads=THREADS))
+            runs[PHASE_ONLY].append(phase_only.sweep("S", batch, scenes.SWEEP_SPP, seed=1, threads=1))
             self._say_speeds("S", repeat, runs)
-        agreement = compare_pairs(*(np.concatenate([run.images for run in runs[label]]) for label in runs))
-        self._compare("S", f"CPU time, {CPU_VARIANT}", *runs.values(), _cpu, TARGETS["S"], agreement)
-        agreement = compare_pairs(*(np.concatenate([run.images for run in wall[label]]) for label in wall))
-        self._compare("S", f"wall time of two threads, {CPU_VARIANT}", *wall.values(), _wall, None, agreement)
+        for label, target in {CPU_VARIANT: TARGETS["S"], PHASE_ONLY: None}.items():
+            agreement = compare_pairs(_images(runs["ours"]), _images(runs[label]))
+            self._compare(SPEED, "S", f"CPU time, {label}", runs["ours"], runs[label], _cpu, target, agreement)
+        agreement = compare_pairs(*map(_images, wall.values()))
+        self._compare(SPEED, "S", f"wall time of two threads, {CPU_VARIANT}", *wall.values(), _wall, None, agreement)
         self._compare_threads("S", wall["ours"], runs["ours"])
         our_memory, their_memory = ours.peak_memory(), theirs.peak_memory()
         self.report.rows.append(
             Row(
+                SPEED,
                 "S",
                 "peak memory, against the target",
                 "MiB",
-                our_memory / 2**20,
-                MEMORY_TARGET / 2**20,
-                MEMORY_TARGET / our_memory,
+                [our_memory / 2**20],
+                [MEMORY_TARGET / 2**20],
                 target=1.0,
                 note=f"Mitsuba's process, after all that it rendered: {their_memory / 2**20:.0f} MiB",
             )
@@ -229,7 +267,7 @@ class Benchmark:
             self._say_speeds("laws", repeat, runs)
         for law, (sigma, events) in extinctions.items():
             note = f"sigma_m {sigma:.3g}, {events:.3f} scattering events per path"
-            self._compare("A", f"CPU time, {law}", runs[law], runs["exponential"], _cpu, None, None, note)
+            self._compare(LAW, "A", f"CPU time, {law}", runs[law], runs["exponential"], _cpu, None, None, note)
 
     def limit(self) -> None:
         """Scene A against a C loop of the same random walk."""
@@ -254,12 +292,12 @@ class Benchmark:
         loop = [walk.nanoseconds_per_event for walk in walks]
         self.report.rows.append(
             Row(
+                LIMIT,
                 "A",
                 f"CPU time per scattering event, C loop (gcc {' '.join(FLAGS)})",
                 "ns",
-                statistics.median(per_event),
-                statistics.median(loop),
-                *_ratios(per_event, loop),
+                per_event,
+                loop,
                 agreement=compare_means([float(run.images.mean()) for run in runs], [w.mean for w in walks]),
                 note=f"{events:.3f} scattering events per path",
             )
@@ -272,7 +310,7 @@ class Benchmark:
         if name not in self._sides:
             if name.startswith("ours"):
                 side = Side(name, Ours)
-            elif name == "phase only":
+            elif name == PHASE_ONLY:
                 side = Side(name, Mitsuba, CPU_VARIANT, False)
             else:
                 side = Side(name, Mitsuba, name)
@@ -310,12 +348,12 @@ class Benchmark:
         for label in list(runs)[1:]:
             self.report.rows.append(
                 Row(
+                    ERROR,
                     name,
                     f"CPU time to an RMSE of {EQUAL_ERROR:.0%} of the mean, {label}",
                     "s",
-                    statistics.median(times["ours"]),
-                    statistics.median(times[label]),
-                    *_ratios(times["ours"], times[label]),
+                    times["ours"],
+                    times[label],
                     agreement=compare(known, _estimate(runs[label])),
                 )
             )
@@ -344,6 +382,7 @@ class Benchmark:
 
     def _compare(
         self,
+        part: str,
         scene: str,
         quantity: str,
         ours: Sequence[Measured],
@@ -355,31 +394,23 @@ class Benchmark:
     ) -> None:
         """A row of times per camera path."""
         our_times, their_times = ([time_of(run) for run in side] for side in (ours, theirs))
-        self.report.rows.append(
-            Row(
-                scene,
-                quantity,
-                "ns/path",
-                statistics.median(our_times),
-                statistics.median(their_times),
-                *_ratios(our_times, their_times),
-                target,
-                agreement,
-                note,
-            )
-        )
+        self.report.rows.append(Row(part, scene, quantity, "ns/path", our_times, their_times, target, agreement, note))
 
     def _compare_threads(self, scene: str, two: Sequence[Measured], one: Sequence[Measured]) -> None:
         """A row of ours alone: wall time of one thread against that of two."""
-        self._compare(scene, "wall time, ours on two threads against one", two, one, _wall, THREADS_TARGET, None)
+        self._compare(SPEED, scene, "wall time, ours on two threads against one", two, one, _wall, THREADS_TARGET, None)
 
     def _say_speeds(self, name: str, repeat: int, runs: dict[str, list[Measured]]) -> None:
         speeds = ", ".join(f"{label} {1e3 / _cpu(done[-1]):.3g}" for label, done in runs.items())
         self._say(f"  {name} {repeat + 1}/{self.effort.repeats}: million paths per CPU second: {speeds}")
 
 
+def _images(runs: Sequence[Measured]) -> np.ndarray:
+    return np.concatenate([run.images for run in runs])
+
+
 def _estimate(runs: Sequence[Measured]) -> Estimate:
-    return estimate(np.concatenate([run.images for run in runs]))
+    return estimate(_images(runs))
 
 
 def _cpu(run: Measured) -> float:
@@ -390,9 +421,3 @@ def _cpu(run: Measured) -> float:
 def _wall(run: Measured) -> float:
     """[ns] per path."""
     return 1e9 * run.cost.wall_seconds / run.paths
-
-
-def _ratios(ours: Sequence[float], theirs: Sequence[float]) -> tuple[float, tuple[float, float]]:
-    """Theirs over ours: the median over repeats, and the least and the largest."""
-    found = [b / a for a, b in zip(ours, theirs, strict=True)]
-    return statistics.median(found), (min(found), max(found))

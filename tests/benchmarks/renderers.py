@@ -233,7 +233,7 @@ class Mitsuba:
 
         found = {"mitsuba": mi.__version__, "drjit": dr.__version__}
         if self._has_llvm:
-            found["LLVM"] = dr.detail.llvm_version() if hasattr(dr.detail, "llvm_version") else "?"
+            found["LLVM"] = ".".join(map(str, dr.detail.llvm_version()))
         return found
 
     def _render(self, loaded: _Loaded, spp: int, seed: int) -> np.ndarray:

@@ -32,6 +32,8 @@ class Image:
 
 
 IMAGES = {"A": Image(128, 128), "B": Image(256, 256), "C": Image(128, 128), "S": Image(64, 64)}
+SINGLE = ("A", "B", "C")
+"""Scenes that are one image."""
 SWEEP_SPP = 64
 """Samples per pixel of the images of S."""
 
