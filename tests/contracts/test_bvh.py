@@ -110,6 +110,40 @@ def test_a_boundary_is_met_from_the_side_that_the_path_is_on():
     assert np.all(left[met] >= entered[met])
 
 
+def cube(ticks):
+    """The surface of [-1, 1]^3, every face in ticks x ticks squares."""
+    x, y = np.meshgrid(np.linspace(-1, 1, ticks + 1), np.linspace(-1, 1, ticks + 1), indexing="ij")
+    first = (np.arange(ticks)[:, None] * (ticks + 1) + np.arange(ticks)).reshape(-1, 1)
+    right, across, up = first + ticks + 1, first + ticks + 2, first + 1
+    square = np.concatenate([np.hstack([first, right, across]), np.hstack([first, across, up])])
+    points, triangles = [], []
+    for axis in range(3):
+        for side in (-1, 1):
+            face = np.roll(np.stack([x, y, np.full_like(x, side)], axis=-1).reshape(-1, 3), axis + 1, axis=1)
+            triangles.append(square[:, ::side] + len(points) * len(face))
+            points.append(face)
+    points, merged = np.unique(np.concatenate(points).round(6), axis=0, return_inverse=True)
+    return points.astype(np.float32), merged.reshape(-1)[np.concatenate(triangles)]
+
+
+@pytest.mark.parametrize("inside", [0, 1])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_face_just_behind_the_origin_is_met(axis, side, inside):
+    """The ray should have crossed it, and was rounded behind it; leaves are in one face, and their boxes flat."""
+    mesh = Mesh("/cube", *cube(20), medium=0)
+    rng = np.random.default_rng(9)
+    origin = rng.uniform(-0.9, 0.9, size=(20_000, 3))
+    outwards = side * (1 if inside else -1)
+    # Coordinates are 1 here, and their errors below 1e-6.
+    origin[:, axis] = side + outwards * rng.uniform(0, 0.9e-6, size=20_000)
+    direction = directions(20_000, 10)
+    # Flatter than 0.01 it is not looked for.
+    direction[:, axis] = outwards * np.maximum(np.abs(direction[:, axis]), 0.02)
+    t, _ = meet_meshes([mesh], origin, direction, inside=inside)
+    assert np.all((t >= 0) & (t < 1e-6))
+
+
 def depth_of(tree):
     """Levels of nodes; children come after their parents."""
     level = np.ones(len(tree.children) // 2, dtype=int)
