@@ -13,6 +13,10 @@ import warp as wp
 
 from fgf_warp.bvh_kernel import LEAF, WIDTH, open_nodes, split_ranges
 
+MARGIN = 1e-7
+"""Of a box, relative to the largest coordinate: a flat box is met even where it is just behind a ray's origin, and
+slack relative to the distance makes it no thicker."""
+
 
 @dataclass(frozen=True, eq=False)
 class WideTree:
@@ -71,7 +75,7 @@ def build_wide_tree(corners: Sequence[np.ndarray]) -> WideTree:
     )
     node_count, leaf_count = (int(size) for size in sizes.numpy())
     return WideTree(
-        boxes=boxes.numpy()[:node_count].reshape(-1, LEAF),
+        boxes=_widen(boxes.numpy()[:node_count], MARGIN * np.abs(all_corners).max()).reshape(-1, LEAF),
         children=children.numpy()[:node_count].reshape(-1, LEAF),
         **_fill_leaves(leaves.numpy()[:leaf_count], order.numpy(), all_corners, owner),
     )
@@ -85,6 +89,12 @@ def _split(lo: wp.array, hi: wp.array, order: wp.array) -> tuple[wp.array, wp.ar
     wp.launch(split_ranges, dim=1, inputs=[lo, hi], outputs=[order, ranges, areas, size], device="cpu")
     made = int(size.numpy()[0])
     return ranges[:made], areas[:made]
+
+
+def _widen(boxes: np.ndarray, margin: np.float32) -> np.ndarray:
+    """Boxes, (n, 6, 16), with all sides moved outwards, by more than a margin and the rounding of that."""
+    lower, upper = boxes[:, 0::2] - margin, boxes[:, 1::2] + margin
+    return np.stack([np.nextafter(lower, -np.inf), np.nextafter(upper, np.inf)], axis=2).reshape(boxes.shape)
 
 
 def _fill_leaves(

@@ -22,7 +22,7 @@ WIDTH = wp.constant(16)
 LEAF = wp.constant(8)
 """Triangles of a leaf."""
 NODE_FLOATS = wp.constant(6 * 16)
-"""Lower and upper x, y, z of the children's boxes, a row each; an empty child's box is inside out."""
+"""Lower and upper x, y, z of the children's boxes, a row each; none is flat, and an empty child's is inside out."""
 LEAF_FLOATS = wp.constant(9 * 8)
 """x, y, z of the first, second and third corners, a row each; an empty place is NaN, and no ray meets it."""
 CORNER_FLOATS = wp.constant(3 * 8)
@@ -117,7 +117,6 @@ def enter_boxes(
     near: wp.vec3i,
     far: wp.vec3i,
     origin: wp.vec3,
-    set_back: wp.vec3,
     inverse: wp.vec3,
     slackened: wp.vec3,
     t_least: float,
@@ -126,7 +125,6 @@ def enter_boxes(
     """Where the ray enters the children of a node, and bits of those that it is in between t_least and t_most.
 
     near, far: where the rows of the planes begin that the ray meets first and last, for each axis.
-    set_back: the origin for the far planes, and so these farther out: else a flat box just behind has no inside.
     inverse, slackened: of the slopes, for the near planes and with `BOX_SLACK` for the far ones.
     """
     entries = vec16()
@@ -134,11 +132,11 @@ def enter_boxes(
     lane = int(0)
     while lane < WIDTH:
         x0 = (boxes[near[0] + lane] - origin[0]) * inverse[0]
-        x1 = (boxes[far[0] + lane] - set_back[0]) * slackened[0]
+        x1 = (boxes[far[0] + lane] - origin[0]) * slackened[0]
         y0 = (boxes[near[1] + lane] - origin[1]) * inverse[1]
-        y1 = (boxes[far[1] + lane] - set_back[1]) * slackened[1]
+        y1 = (boxes[far[1] + lane] - origin[1]) * slackened[1]
         z0 = (boxes[near[2] + lane] - origin[2]) * inverse[2]
-        z1 = (boxes[far[2] + lane] - set_back[2]) * slackened[2]
+        z1 = (boxes[far[2] + lane] - origin[2]) * slackened[2]
         t0 = upper(upper(x0, y0), upper(z0, t_least))
         t1 = lower(lower(x1, y1), lower(z1, t_most))
         entries[lane] = t0
@@ -215,11 +213,6 @@ def intersect_meshes(bvh: Bvh, origin: wp.vec3, direction: wp.vec3, start: Start
     t_least = start.t_min - FLATTEST * slack
     inverse = wp.vec3(safe_inverse(direction[0]), safe_inverse(direction[1]), safe_inverse(direction[2]))
     slackened = inverse * BOX_SLACK
-    set_back = origin - wp.vec3(
-        wp.where(direction[0] < 0.0, -slack, slack),
-        wp.where(direction[1] < 0.0, -slack, slack),
-        wp.where(direction[2] < 0.0, -slack, slack),
-    )
     near = wp.vec3i(
         wp.where(direction[0] < 0.0, WIDTH, 0),
         wp.where(direction[1] < 0.0, 3 * WIDTH, 2 * WIDTH),
@@ -252,7 +245,7 @@ def intersect_meshes(bvh: Bvh, origin: wp.vec3, direction: wp.vec3, start: Start
             row = node * NODE_FLOATS
             rows = wp.vec3i(row, row, row)
             entries, met = enter_boxes(
-                boxes, near + rows, far + rows, origin, set_back, inverse, slackened, t_least, hit.t * BOX_SLACK
+                boxes, near + rows, far + rows, origin, inverse, slackened, t_least, hit.t * BOX_SLACK
             )
             if met != 0:
                 # The nearest child comes next, the others wait.
