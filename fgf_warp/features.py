@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fgf_warp.scene import AreaLight, DistantLight, DomeLight, Mesh, Scene, Solid, SphereLight
-from fgf_warp.settings import Aov, RenderSettings
+from fgf_warp.settings import Aov, RenderSettings, Sampler
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,7 @@ class RenderFeatures:
             boundaries one by one.
         chromatic: a medium whose channels differ in extinction.
         aovs: the further planes that need work in the kernel.
+        sampler: where random numbers come from.
     """
 
     solids: bool
@@ -42,6 +43,7 @@ class RenderFeatures:
     lone_solid: bool
     chromatic: bool
     aovs: frozenset[Aov]
+    sampler: Sampler
 
     @property
     def connections(self) -> bool:
@@ -71,4 +73,5 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         lone_solid=lone_law != "" and isinstance(filled[0], Solid),
         chromatic=any(medium.is_chromatic for medium in media),
         aovs=settings.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO},
+        sampler=settings.sampler,
     )

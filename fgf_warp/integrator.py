@@ -11,7 +11,6 @@ takes `LANES` paths through one stage after the other, so that the compiler make
 neither branches nor look-ups (see `device/lanes.py`).
 """
 
-import os
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -77,17 +76,27 @@ from fgf_warp.device.lights import (
 )
 from fgf_warp.device.medium import Container, Medium, medium_at
 from fgf_warp.device.numerics import INFINITE, choose, log_positive, max_component
+from fgf_warp.device.options import KERNEL_OPTIONS
 from fgf_warp.device.phase import eval_hg, sample_hg
-from fgf_warp.device.rng import CAMERA, CONNECTION, CORRELATED_FLIGHT, EVENT, uniforms
+from fgf_warp.device.rng import (
+    CAMERA,
+    CONNECTION,
+    CORRELATED_FLIGHT,
+    EVENT,
+    draw_independent,
+    draw_lattice,
+    reverse_bits,
+)
 from fgf_warp.device.surfaces import Surface, diffuse_pdf, sample_diffuse
 from fgf_warp.features import RenderFeatures
 from fgf_warp.settings import Aov
 
 lane_floats, tally_floats = lanes_module.lane_floats, lanes_module.tally_floats
 
-OPTIONS = {"fuse_fp": False, "cpu_compiler_flags": os.environ.get("FL", "")}
 MAX_CROSSINGS = wp.constant(1024)
 """Boundaries between two scattering events; a path that crosses more is cut and counted as truncated."""
+MANY_WAITING = wp.constant(4)
+"""Lanes without a pixel that are worth a look at all of them."""
 CAMERA_RAY = wp.constant(-1.0)
 """Stands for the pdf of a direction that no light sampling competes with."""
 
@@ -184,6 +193,7 @@ def build_program(features: RenderFeatures) -> Program:
     meets_emitters = has_surfaces or features.connections
     # One medium of one law is the same for all lanes; anything else is looked up lane by lane.
     lone_law, lone_solid, has_crossings = features.lone_law, features.lone_solid, features.crossings
+    draw = draw_lattice if features.sampler == "lattice" else draw_independent
     pool_floats, sum_count = lane_floats(features), tally_floats(features)
     load, store = lanes_module.build_lanes(features)
     load_tally, store_tally = lanes_module.build_tallies(features)
@@ -194,7 +204,7 @@ def build_program(features: RenderFeatures) -> Program:
     def depart(before: Path, seed: wp.uint64) -> Path:
         path = before
         path.bounce = before.bounce + 1
-        path.xi = uniforms(seed, before.pixel, before.sample, path.bounce, EVENT)
+        path.xi = draw(seed, before.pixel, before.turn, path.bounce, EVENT)
         path.flight = wp.where(before.keeps == 1, before.flight, INFINITE)
         return path
 
@@ -217,7 +227,7 @@ def build_program(features: RenderFeatures) -> Program:
             u = fly_power(medium.law, before.flight, remembers)
         if wp.static(lone_law == "fractional"):
             u = fly_fractional(before.flight, before.ln_ratio)
-            more = uniforms(seed, before.pixel, before.sample, before.bounce, CORRELATED_FLIGHT)
+            more = draw(seed, before.pixel, before.turn, before.bounce, CORRELATED_FLIGHT)
             u = wp.where(remembers, shorten_fractional(medium.law, u, more[0], more[1]), u)
         path.flight = wp.min(u / medium.extinction[0], 0.5 * INFINITE)
         if wp.static(not lone_solid):
@@ -236,7 +246,7 @@ def build_program(features: RenderFeatures) -> Program:
             law = law_of_channel(medium, path.channel)
             u = float(0.0)
             if path.from_medium == 1 and law.reciprocal == 1:
-                more = uniforms(seed, path.pixel, path.sample, path.bounce, CORRELATED_FLIGHT)
+                more = draw(seed, path.pixel, path.turn, path.bounce, CORRELATED_FLIGHT)
                 u = sample_mm(law, scene.flight_tables, path.xi[0], more[0], more[1])
             else:
                 u = sample_sm(law, scene.flight_tables, path.xi[0])
@@ -581,7 +591,7 @@ def build_program(features: RenderFeatures) -> Program:
     @wp.func(inline=True)
     def light_place(path: Path, seed: wp.uint64) -> wp.vec4:
         """Which light, and where on it."""
-        return uniforms(seed, path.pixel, path.sample, path.bounce, CONNECTION)
+        return draw(seed, path.pixel, path.turn, path.bounce, CONNECTION)
 
     @wp.func(inline=True)
     def chosen_light(xi: float, light_count: int) -> int:
@@ -708,7 +718,8 @@ def build_program(features: RenderFeatures) -> Program:
         path.column = before.column
         path.sample = before.sample
         path.alive = 1
-        xi = uniforms(seed, path.pixel, path.sample, 0, CAMERA)
+        path.turn = wp.int32(reverse_bits(wp.uint32(path.sample)))
+        xi = draw(seed, path.pixel, path.turn, 0, CAMERA)
         path.origin = camera.position
         path.direction = camera_direction(camera, path.row, path.column, xi[0], xi[1])
         path.throughput = wp.vec3(1.0, 1.0, 1.0)
@@ -815,7 +826,7 @@ def build_program(features: RenderFeatures) -> Program:
                 path = look_beyond(path, scene.lights[k], light_count)
         return path
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    @wp.kernel(module="unique", module_options=KERNEL_OPTIONS)
     def render_threads(
         batch: SceneData,
         limits: Limits,
@@ -860,7 +871,7 @@ def build_program(features: RenderFeatures) -> Program:
             tally = finish(tally, path, True)
         write_film(film, place, tally)
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    @wp.kernel(module="unique", module_options=KERNEL_OPTIONS)
     def render_pool(
         batch: SceneData,
         limits: Limits,
@@ -903,15 +914,15 @@ def build_program(features: RenderFeatures) -> Program:
             waiting = int(0)
             for i in range(LANES):
                 path = load(lanes, i)
-                is_complete = path.alive == 0 and path.pixel >= 0
+                is_complete = path.alive == 0 and path.sample < end_sample
                 store_tally(sums, i, finish(load_tally(sums, i), path, is_complete))
             for i in range(LANES):
                 path = load(lanes, i)
-                is_complete = path.alive == 0 and path.pixel >= 0
+                is_complete = path.alive == 0 and path.sample < end_sample
                 path.sample = path.sample + wp.where(is_complete, 1, 0)
                 waiting += wp.where(path.sample == end_sample, 1, 0)
                 store(lanes, i, path)
-            if waiting > 0:
+            if waiting >= MANY_WAITING or (waiting > 0 and next_pixel >= end_pixel):
                 for i in range(LANES):
                     path = load(lanes, i)
                     if path.sample == end_sample:
@@ -932,7 +943,7 @@ def build_program(features: RenderFeatures) -> Program:
             for i in range(LANES):
                 path = load(lanes, i)
                 fresh = emit(camera, camera_inside, seed, path)
-                if path.alive == 0 and path.pixel >= 0:
+                if path.alive == 0 and path.sample < end_sample:
                     store(lanes, i, fresh)
 
             for i in range(LANES):

@@ -28,7 +28,7 @@ from fgf_warp.upload import UploadedScene, upload
 Progress = Callable[[int, int], None]
 """Called with the camera paths done so far, and in all."""
 
-PATHS_PER_LAUNCH = 1 << 16
+PATHS_PER_LAUNCH = 1 << 18
 """On the CPU: so many that the lanes are rarely idle at the end, so few that a launch is soon over."""
 PIXELS_PER_TASK = 1 << 12
 """On the CPU, at most: some pixels for each lane, so that dark ones do not leave lanes idle."""
@@ -444,7 +444,7 @@ def _provenance(model: Model, image: int, samples: int) -> dict[str, Any]:
         "settings": {
             key: value
             for key, value in asdict(settings).items()
-            if key in ("width", "height", "max_depth", "roulette_depth")
+            if key in ("width", "height", "max_depth", "roulette_depth", "sampler")
         }
         | {"seed": variant.seed, "spp": samples, "device": settings.device.split(":")[0]},
         "versions": {"fgf-warp": __version__, "warp-lang": wp.config.version, "python": platform.python_version()},

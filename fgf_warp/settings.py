@@ -13,6 +13,16 @@ GIB = 2**30
 """Bytes of a GiB."""
 
 
+class Sampler(StrEnum):
+    """Where the random numbers of a pixel's samples come from."""
+
+    LATTICE = "lattice"
+    """At each event the samples share a shuffled, randomly shifted lattice, which lowers the variance of a pixel by a
+    factor of 1.2 to 1.9. The error that a render reports knows nothing of it, so it is too large by that much."""
+    INDEPENDENT = "independent"
+    """Every number is independent of all others, and the reported error is that of the image."""
+
+
 class Aov(StrEnum):
     """Arbitrary output variables beside radiance and alpha."""
 
@@ -41,6 +51,7 @@ class RenderSettings:
             counted and reported.
         roulette_depth: number of scattering events after which Russian roulette may end a path, >= 0.
         aovs: what to write beside radiance and alpha; a set, of `Aov` or their names.
+        sampler: where random numbers come from, a `Sampler` or its name.
         device: a Warp device name, ``cpu`` or ``cuda:0``.
         threads: CPU threads of one render, >= 1; None takes every core. It never changes a pixel.
         memory: that the images which are rendered at once may take, beside the scene [GiB], > 0. It never changes a
@@ -57,6 +68,7 @@ class RenderSettings:
     max_depth: int = 1024
     roulette_depth: int = 8
     aovs: frozenset[Aov] = frozenset()
+    sampler: Sampler = Sampler.LATTICE
     device: str = "cpu"
     threads: int | None = None
     memory: float = 4.0
@@ -79,9 +91,12 @@ class RenderSettings:
             raise ConfigError(f"memory = {self.memory!r}; accepted: a number of GiB > 0")
         if not isinstance(self.device, str):
             raise ConfigError(f"device = {self.device!r}; accepted: a name, such as 'cpu'")
+        if self.sampler not in set(Sampler):
+            raise ConfigError(f"sampler = {self.sampler!r}; accepted: {', '.join(Sampler)}")
         if not isinstance(self.aovs, Set) or not self.aovs <= set(Aov):
             raise ConfigError(f"aovs = {self.aovs!r}; accepted: a set of {', '.join(Aov)}")
-        # Hashable, and of the type, whatever set was given.
+        # Of the type, and hashable, whatever was given.
+        object.__setattr__(self, "sampler", Sampler(self.sampler))
         object.__setattr__(self, "aovs", frozenset(Aov(name) for name in self.aovs))
 
 

@@ -25,6 +25,8 @@ class Path:
     row: int
     column: int
     sample: int
+    turn: int
+    """The sample's number with its bits reversed: the address of random numbers."""
     alive: int
     origin: wp.vec3
     direction: wp.vec3
@@ -87,7 +89,7 @@ class Path:
 
 def slots(features: Any) -> dict[str, int]:
     """First row of each number that paths carry between the stages of a scene of these features."""
-    sizes = {"pixel": 1, "row": 1, "column": 1, "sample": 1, "alive": 1, "origin": 3, "direction": 3}
+    sizes = {"pixel": 1, "row": 1, "column": 1, "sample": 1, "turn": 1, "alive": 1, "origin": 3, "direction": 3}
     sizes |= {"throughput": 3, "radiance": 3, "alpha": 1, "truncated": 1, "bounce": 1, "depth": 1, "xi": 4, "flight": 1}
     sizes |= {"hit_t": 1, "hit_kind": 1, "hit_item": 1}
     if features.media:
@@ -248,6 +250,7 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         path.row = get_int(lanes, wp.static(at["row"]), i)
         path.column = get_int(lanes, wp.static(at["column"]), i)
         path.sample = get_int(lanes, wp.static(at["sample"]), i)
+        path.turn = get_int(lanes, wp.static(at["turn"]), i)
         path.alive = get_int(lanes, wp.static(at["alive"]), i)
         path.origin = get3(lanes, wp.static(at["origin"]), i)
         path.direction = get3(lanes, wp.static(at["direction"]), i)
@@ -315,6 +318,7 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         put_int(lanes, wp.static(at["row"]), i, path.row)
         put_int(lanes, wp.static(at["column"]), i, path.column)
         put_int(lanes, wp.static(at["sample"]), i, path.sample)
+        put_int(lanes, wp.static(at["turn"]), i, path.turn)
         put_int(lanes, wp.static(at["alive"]), i, path.alive)
         put3(lanes, wp.static(at["origin"]), i, path.origin)
         put3(lanes, wp.static(at["direction"]), i, path.direction)
