@@ -398,7 +398,11 @@ class Benchmark:
 
     def _compare_threads(self, scene: str, two: Sequence[Measured], one: Sequence[Measured]) -> None:
         """A row of ours alone: wall time of one thread against that of two."""
-        self._compare(SPEED, scene, "wall time, ours on two threads against one", two, one, _wall, THREADS_TARGET, None)
+        note = (
+            f"of {THREADS} cores, {_cores(two):.2f} were at work for the two threads and {_cores(one):.2f} for the one"
+        )
+        label = "wall time, ours on two threads against one"
+        self._compare(SPEED, scene, label, two, one, _wall, THREADS_TARGET, None, note)
 
     def _say_speeds(self, name: str, repeat: int, runs: dict[str, list[Measured]]) -> None:
         speeds = ", ".join(f"{label} {1e3 / _cpu(done[-1]):.3g}" for label, done in runs.items())
@@ -416,6 +420,11 @@ def _estimate(runs: Sequence[Measured]) -> Estimate:
 def _cpu(run: Measured) -> float:
     """[ns] per path."""
     return 1e9 * run.cost.cpu_seconds / run.paths
+
+
+def _cores(runs: Sequence[Measured]) -> float:
+    """CPU time over wall time; less than the number of threads where other work takes the cores."""
+    return statistics.median(run.cost.cpu_seconds / run.cost.wall_seconds for run in runs)
 
 
 def _wall(run: Measured) -> float:

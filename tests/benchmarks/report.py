@@ -26,7 +26,8 @@ At most 64 scattering events, Russian roulette from 5. Times are medians over th
 the median of the repeats, with the least and the largest in brackets. CPU time is that of one thread. Reading the
 scene, building trees and compiling are done before; setting the media of S is not. `max |z|` is the largest deviation
 between the images over the means of 8x8 blocks of pixels and of the whole image, in standard errors, and after it the
-limit, which chance exceeds in one of a thousand benchmarks.
+limit, which chance exceeds in one of a thousand benchmarks. Wall times mean little where other work took the cores:
+the rows of two threads against one say how many were at work.
 
 Mitsuba: `volpath` with `max_depth` 65, as it counts segments, and `rr_depth` 5; box filter, independent sampler, no
 spectral extinction; in S one scene whose sigma_t, albedo and g are set as opaque values, so that nothing compiles
