@@ -80,11 +80,14 @@ from fgf_warp.device.options import KERNEL_OPTIONS
 from fgf_warp.device.phase import eval_hg, sample_hg
 from fgf_warp.device.rng import (
     CAMERA,
+    CHANNEL,
     CONNECTION,
     CORRELATED_FLIGHT,
     EVENT,
+    draw_in_pixel,
     draw_independent,
     draw_lattice,
+    pixel_shift,
     reverse_bits,
 )
 from fgf_warp.device.surfaces import Surface, diffuse_pdf, sample_diffuse
@@ -709,6 +712,17 @@ def build_program(features: RenderFeatures) -> Program:
 
     # ---- birth and death.
 
+    @wp.func
+    def go_to_pixel(before: Path, width: int, seed: wp.uint64, pixel: int) -> Path:
+        path = before
+        path.pixel = pixel
+        path.row = pixel // width
+        path.column = pixel % width
+        shift = pixel_shift(seed, pixel)
+        path.shift_x = wp.int32(shift[0])
+        path.shift_y = wp.int32(shift[1])
+        return path
+
     @wp.func(inline=True)
     def emit(camera: Camera, inside: wp.uint32, seed: wp.uint64, before: Path) -> Path:
         """The path of this pixel and sample, at the camera."""
@@ -719,9 +733,16 @@ def build_program(features: RenderFeatures) -> Program:
         path.sample = before.sample
         path.alive = 1
         path.turn = wp.int32(reverse_bits(wp.uint32(path.sample)))
-        xi = draw(seed, path.pixel, path.turn, 0, CAMERA)
+        path.shift_x = before.shift_x
+        path.shift_y = before.shift_y
+        in_pixel = wp.vec2(0.0, 0.0)
+        if wp.static(features.sampler == "lattice"):
+            in_pixel = draw_in_pixel(path.shift_x, path.shift_y, path.turn)
+        else:
+            xi = draw(seed, path.pixel, path.turn, 0, CAMERA)
+            in_pixel = wp.vec2(xi[0], xi[1])
         path.origin = camera.position
-        path.direction = camera_direction(camera, path.row, path.column, xi[0], xi[1])
+        path.direction = camera_direction(camera, path.row, path.column, in_pixel[0], in_pixel[1])
         path.throughput = wp.vec3(1.0, 1.0, 1.0)
         path.start.inside = inside
         path.start.crossed = -1
@@ -730,7 +751,7 @@ def build_program(features: RenderFeatures) -> Program:
         path.first_transmittance = wp.vec3(1.0, 1.0, 1.0)
         path.medium = -1
         if wp.static(features.chromatic):
-            path.channel = wp.min(int(xi[2] * 3.0), 2)
+            path.channel = wp.min(int(draw(seed, path.pixel, path.turn, 0, CHANNEL)[0] * 3.0), 2)
             path.channel_pdfs = wp.vec3(1.0, 1.0, 1.0)
         return path
 
@@ -844,10 +865,7 @@ def build_program(features: RenderFeatures) -> Program:
         place = image * pixel_count + pixel
         tally = read_film(film, place)
         for sample in range(first_sample, first_sample + sample_count):
-            path = Path()
-            path.pixel = pixel
-            path.row = pixel // scene.camera.width
-            path.column = pixel % scene.camera.width
+            path = go_to_pixel(Path(), scene.camera.width, seed, pixel)
             path.sample = sample
             path = emit(scene.camera, scene.camera_inside, seed, path)
             while path.alive == 1:
@@ -929,9 +947,7 @@ def build_program(features: RenderFeatures) -> Program:
                         if path.pixel >= 0:
                             write_film(film, first_place + path.pixel, load_tally(sums, i))
                         if next_pixel < end_pixel:
-                            path.pixel = next_pixel
-                            path.row = next_pixel // camera.width
-                            path.column = next_pixel - path.row * camera.width
+                            path = go_to_pixel(path, camera.width, seed, next_pixel)
                             path.sample = first_sample
                             store_tally(sums, i, read_film(film, first_place + next_pixel))
                             next_pixel += 1

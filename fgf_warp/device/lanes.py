@@ -25,6 +25,9 @@ class Path:
     row: int
     column: int
     sample: int
+    shift_x: int
+    shift_y: int
+    """Of the pixel's lattice."""
     turn: int
     """The sample's number with its bits reversed: the address of random numbers."""
     alive: int
@@ -92,6 +95,8 @@ def slots(features: Any) -> dict[str, int]:
     sizes = {"pixel": 1, "row": 1, "column": 1, "sample": 1, "turn": 1, "alive": 1, "origin": 3, "direction": 3}
     sizes |= {"throughput": 3, "radiance": 3, "alpha": 1, "truncated": 1, "bounce": 1, "depth": 1, "xi": 4, "flight": 1}
     sizes |= {"hit_t": 1, "hit_kind": 1, "hit_item": 1}
+    if features.sampler == "lattice":
+        sizes |= {"shift_x": 1, "shift_y": 1}
     if features.media:
         sizes |= {"inside": 1}
     if features.lone_solid:
@@ -267,6 +272,9 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         path.hit.kind = get_int(lanes, wp.static(at["hit_kind"]), i)
         path.hit.item = get_int(lanes, wp.static(at["hit_item"]), i)
         path.medium = -1
+        if wp.static("shift_x" in at):
+            path.shift_x = get_int(lanes, wp.static(at["shift_x"]), i)
+            path.shift_y = get_int(lanes, wp.static(at["shift_y"]), i)
         if wp.static("inside" in at):
             path.start.inside = wp.uint32(get_int(lanes, wp.static(at["inside"]), i))
         if wp.static("t_in" in at):
@@ -337,6 +345,9 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         put(lanes, wp.static(at["hit_t"]), i, path.hit.t)
         put_int(lanes, wp.static(at["hit_kind"]), i, path.hit.kind)
         put_int(lanes, wp.static(at["hit_item"]), i, path.hit.item)
+        if wp.static("shift_x" in at):
+            put_int(lanes, wp.static(at["shift_x"]), i, path.shift_x)
+            put_int(lanes, wp.static(at["shift_y"]), i, path.shift_y)
         if wp.static("inside" in at):
             put_int(lanes, wp.static(at["inside"]), i, wp.int32(path.start.inside))
         if wp.static("t_in" in at):

@@ -35,6 +35,9 @@ CORRELATED_FLIGHT = wp.constant(2)
 """Purpose: the two further numbers of a flight between medium vertices."""
 CONNECTION = wp.constant(3)
 """Purpose: which light, and where on it."""
+CHANNEL = wp.constant(4)
+"""Purpose: which channel's flights a path takes."""
+PURPOSES = wp.constant(5)
 
 
 @wp.func(inline=True)
@@ -135,9 +138,22 @@ def draw_independent(seed: wp.uint64, pixel: int, turn: int, bounce: int, purpos
 
 
 @wp.func(inline=True)
+def pixel_shift(seed: wp.uint64, pixel: int) -> wp.vec4ui:
+    """The shift of the lattice from which a pixel's samples take their first numbers, those of the camera."""
+    return hash_words(wp.uint32(pixel), wp.uint32(CAMERA), wp.uint32(seed), wp.uint32(seed >> wp.uint64(32)))
+
+
+@wp.func(inline=True)
+def draw_in_pixel(shift_x: int, shift_y: int, turn: int) -> wp.vec2:
+    """A point of the pixel's lattice in (0, 1)^2, in its own order: all other events are shuffled against it."""
+    place = wp.uint32(turn)
+    return wp.vec2(to_uniform(place + wp.uint32(shift_x)), to_uniform(place * LATTICE_1 + wp.uint32(shift_y)))
+
+
+@wp.func(inline=True)
 def draw_lattice(seed: wp.uint64, pixel: int, turn: int, bounce: int, purpose: int) -> wp.vec4:
     """A point of the lattice of one event in (0, 1)^4; `turn` is the sample's number with its bits reversed."""
-    event = wp.uint32(bounce) * wp.uint32(4) + wp.uint32(purpose)
+    event = wp.uint32(bounce) * wp.uint32(PURPOSES) + wp.uint32(purpose)
     shift = hash_words(wp.uint32(pixel), event, wp.uint32(seed), wp.uint32(seed >> wp.uint64(32)))
     place = shuffle_nested(wp.uint32(turn), mix_bits(shift[0] ^ (shift[2] * WEYL_0)))
     return wp.vec4(
