@@ -9,7 +9,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -42,13 +42,11 @@ class Measured:
         cost: of all of them.
         paths: camera paths of all of them.
         images: (n, height, width, 3) float32.
-        variances: of the pixels' means, where the renderer says, shaped as `images`.
     """
 
     cost: Cost
     paths: int
     images: np.ndarray
-    variances: np.ndarray | None = None
 
 
 @dataclass
@@ -57,8 +55,7 @@ class _Loaded:
 
     image: scenes.Image
     value: Any
-    parameters: Any = None
-    seeds: int = field(default=0)
+    parameters: Any
 
 
 @contextmanager
@@ -104,7 +101,7 @@ class Ours:
             state = begin(model)
             step(model, state, spp)
             result = develop(model, state)
-        return Measured(cost, result.path_count, result.radiance[None], result.variance[None])
+        return Measured(cost, result.path_count, result.radiance[None])
 
     def sweep(self, key: str, indices: list[int], spp: int, seed: int, threads: int) -> Measured:
         """The images of some of the media of S, as one batch."""
@@ -113,14 +110,13 @@ class Ours:
         scene, media = self._scenes[key][1], scenes.sweep_media()
         name = scene.media[0].name
         settings = self._settings(key, spp, seed, threads)
-        images, variances, paths = [], [], 0
+        images, paths = [], 0
         with measure() as cost:
             variants = [Variant((replace(media[i], name=name),), seed + i) for i in indices]
             for result in render_batch(scene, variants, settings):
                 images.append(result.radiance)
-                variances.append(result.variance)
                 paths += result.path_count
-        return Measured(cost, paths, np.stack(images), np.stack(variances))
+        return Measured(cost, paths, np.stack(images))
 
     def mean_events(self, key: str, spp: int, seed: int) -> float:
         """Mean number of scattering events per camera path, of a scene that is one medium.

@@ -29,11 +29,12 @@ between the images over the means of 8x8 blocks of pixels and of the whole image
 limit, which chance exceeds in one of a thousand benchmarks. Wall times mean little where other work took the cores:
 the rows of two threads against one say how many were at work.
 
-Mitsuba: `volpath` with `max_depth` 65, as it counts segments, and `rr_depth` 5; box filter, independent sampler, no
-spectral extinction; in S one scene whose sigma_t, albedo and g are set as opaque values, so that nothing compiles
-again; 2^22 paths at once at most (from 2^18 to 2^22 its speed is the same). For two threads the llvm variant is given
-three, as one of them only hands out the work. *Phase sampling only* is the medium's `sample_emitters` off, which is the
-faster way for Mitsuba where all light is a constant environment, and of no use under a small light.
+Ours renders with its default sampler. Mitsuba renders with `volpath`, `max_depth` 65 (it counts segments), `rr_depth`
+5, box filter, independent sampler and no spectral extinction; in S one scene whose sigma_t, albedo and g are set as
+opaque values, so that nothing compiles again; 2^22 paths at once at most (from 2^18 to 2^22 its speed is the same). For
+two threads the llvm variant is given three, as one of them only hands out the work. *Phase sampling only* is the
+medium's `sample_emitters` off, which is the faster way for Mitsuba where all light is a constant environment, and of no
+use under a small light.
 """
 
 PARTS = {
