@@ -5,10 +5,14 @@ The kernel is built for exactly one value of `RenderFeatures`; whatever is False
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from types import UnionType
 
-from fgf_warp.scene import AreaLight, DistantLight, DomeLight, Mesh, Scene, Solid, SphereLight
+from fgf_warp.scene import AreaLight, DistantLight, DomeLight, Mesh, Scene, Shape, Solid, SphereLight
 from fgf_warp.settings import Aov, RenderSettings, Sampler
+
+NAMES_SHOWN = 3
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,21 @@ class RenderFeatures:
         return self.media and not self.lone_solid
 
 
+@dataclass(frozen=True)
+class Reason:
+    """Why a part is in the kernel, or is left out.
+
+    Args:
+        part: of the kernel.
+        built: whether it is there.
+        why: what in the scene or the settings asks for it, or that nothing does.
+    """
+
+    part: str
+    built: bool
+    why: str
+
+
 def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
     """The least that renders this scene with these settings."""
     filled = [shape for shape in scene.shapes if shape.medium is not None]
@@ -75,3 +94,60 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         aovs=settings.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO},
         sampler=settings.sampler,
     )
+
+
+def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
+    """What the kernel of a scene is built for and why, part by part."""
+    features = required_features(scene, settings)
+    filled = [shape for shape in scene.shapes if shape.medium is not None]
+    chromatic = [medium.name for medium in scene.media if medium.is_chromatic]
+
+    def named(kinds: type | UnionType) -> list[str]:
+        return [item.name for item in (*scene.shapes, *scene.lights) if isinstance(item, kinds)]
+
+    if features.lone_law:
+        law_why = f"{_named_all(filled)} is filled with the only medium, and its channels have one law"
+    elif chromatic:
+        law_why = f"the channels of {_listed(chromatic)} differ in extinction"
+    else:
+        law_why = f"{len(filled)} shapes are filled with media" if filled else "no shape is filled with a medium"
+    lights = named(AreaLight | SphereLight | DistantLight)
+    return (
+        Reason("spheres, cubes, cylinders", features.solids, _why(named(Solid))),
+        Reason("meshes", features.meshes, _why(named(Mesh))),
+        Reason("surfaces", features.surfaces, _why([s.name for s in scene.shapes if s.surface is not None])),
+        Reason("media", features.media, _why([shape.name for shape in filled])),
+        Reason(f"one law for all flights: {features.lone_law}".removesuffix(": "), bool(features.lone_law), law_why),
+        Reason(
+            "one chord through the medium",
+            features.lone_solid,
+            f"{_named_all(filled)} is a convex solid, and nothing else is filled"
+            if features.lone_solid
+            else "boundaries are crossed one by one"
+            if features.media
+            else "no shape is filled with a medium",
+        ),
+        Reason("channels of their own extinction", features.chromatic, _why(chromatic)),
+        Reason("connections to lights", features.connections, _why(lights)),
+        Reason("lights with a shape", features.shaped_lights, _why(named(AreaLight | SphereLight))),
+        Reason("distant lights", features.distant_lights, _why(named(DistantLight))),
+        Reason("environment", features.environment, _why(named(DomeLight))),
+        *(
+            Reason(f"plane: {aov}", aov in features.aovs, "asked for" if aov in features.aovs else "not asked for")
+            for aov in (Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO)
+        ),
+        Reason(f"sampler: {features.sampler}", True, "as the settings say"),
+    )
+
+
+def _why(names: Sequence[str]) -> str:
+    return _listed(names) if names else "nothing needs it"
+
+
+def _listed(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:NAMES_SHOWN])
+    return shown if len(names) <= NAMES_SHOWN else f"{shown} and {len(names) - NAMES_SHOWN} more"
+
+
+def _named_all(shapes: Sequence[Shape]) -> str:
+    return _listed([shape.name for shape in shapes])

@@ -105,7 +105,7 @@ def philox_kernel(seed: wp.uint64, counter: wp.array(dtype=wp.vec4ui), out: wp.a
 @wp.kernel(enable_backward=False)
 def uniforms_kernel(seed: wp.uint64, samples: int, purpose: int, out: wp.array2d(dtype=wp.vec4)):
     pixel, sample = wp.tid()
-    out[pixel, sample] = rng.uniforms(seed, pixel, sample, 0, purpose)
+    out[pixel, sample] = rng.draw_independent(seed, pixel, sample, 0, purpose)
 
 
 def device_laws(pairs, *, reciprocal: bool = True):
