@@ -6,11 +6,14 @@ import warp as wp
 from fgf_warp.device import bvh, law, lights, phase, rng, surfaces
 from fgf_warp.device.geometry import MISS, Hit, Start
 from fgf_warp.device.law import Law
+from fgf_warp.device.options import KERNEL_OPTIONS
 from fgf_warp.theory.law import LineLaw
 from fgf_warp.upload import FlightTables, build_device_law, build_device_meshes
 
+wp.set_module_options(KERNEL_OPTIONS)
 
-@wp.kernel(enable_backward=False)
+
+@wp.kernel
 def eval_law_kernel(laws: wp.array(dtype=Law), u: wp.array(dtype=float), out: wp.array2d(dtype=float)):
     i = wp.tid()
     out[0, i] = law.line_exponent(laws[i], u[i])
@@ -34,14 +37,14 @@ LAW_FUNCTIONS = (
 )
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel
 def eval_ratio_kernel(y: wp.array(dtype=float), out: wp.array2d(dtype=float)):
     i = wp.tid()
     out[0, i] = law.log1p_ratio(y[i])
     out[1, i] = law.log1p_ratio_slope(y[i])
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel
 def sample_law_kernel(
     laws: wp.array(dtype=Law),
     tables: wp.array(dtype=wp.vec2),
@@ -55,31 +58,31 @@ def sample_law_kernel(
         out[1, i] = law.sample_mm(one, tables, xi[i][0], xi[i][1], xi[i][2])
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel
 def eval_hg_kernel(g: float, w: wp.vec3, wi: wp.array(dtype=wp.vec3), out: wp.array(dtype=float)):
     i = wp.tid()
     out[i] = phase.eval_hg(g, w, wi[i])
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel
 def sample_hg_kernel(g: float, w: wp.vec3, xi: wp.array(dtype=wp.vec2), out: wp.array(dtype=wp.vec3)):
     i = wp.tid()
     out[i] = phase.sample_hg(g, w, xi[i][0], xi[i][1])
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel
 def sample_hg_cosine_kernel(g: float, xi: wp.array(dtype=float), out: wp.array(dtype=float)):
     i = wp.tid()
     out[i] = phase.sample_hg_one_minus_cos(g, xi[i])
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel
 def sample_diffuse_kernel(n: wp.vec3, xi: wp.array(dtype=wp.vec2), out: wp.array(dtype=wp.vec3)):
     i = wp.tid()
     out[i] = surfaces.sample_diffuse(n, xi[i][0], xi[i][1])
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel
 def sample_light_kernel(
     light: wp.array(dtype=lights.Light),
     position: wp.vec3,
@@ -95,17 +98,30 @@ def sample_light_kernel(
     out[2, i] = s.distance
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel
 def philox_kernel(seed: wp.uint64, counter: wp.array(dtype=wp.vec4ui), out: wp.array(dtype=wp.vec4ui)):
     i = wp.tid()
     c = counter[i]
     out[i] = rng.philox(seed, c[0], c[1], c[2], c[3])
 
 
-@wp.kernel(enable_backward=False)
-def uniforms_kernel(seed: wp.uint64, samples: int, purpose: int, out: wp.array2d(dtype=wp.vec4)):
+@wp.kernel
+def independent_kernel(seed: wp.uint64, bounce: int, purpose: int, out: wp.array2d(dtype=wp.vec4)):
     pixel, sample = wp.tid()
-    out[pixel, sample] = rng.draw_independent(seed, pixel, sample, 0, purpose)
+    turn = wp.int32(rng.reverse_bits(wp.uint32(sample)))
+    out[pixel, sample] = rng.draw_independent(seed, pixel, turn, bounce, purpose)
+
+
+@wp.kernel
+def lattice_kernel(seed: wp.uint64, bounce: int, purpose: int, out: wp.array2d(dtype=wp.vec4)):
+    pixel, sample = wp.tid()
+    turn = wp.int32(rng.reverse_bits(wp.uint32(sample)))
+    if purpose == rng.CAMERA:
+        shift = rng.pixel_shift(seed, pixel)
+        xi = rng.draw_in_pixel(wp.int32(shift[0]), wp.int32(shift[1]), turn)
+        out[pixel, sample] = wp.vec4(xi[0], xi[1], 0.0, 0.0)
+    else:
+        out[pixel, sample] = rng.draw_lattice(seed, pixel, turn, bounce, purpose)
 
 
 def device_laws(pairs, *, reciprocal: bool = True):

@@ -1,8 +1,10 @@
-"""The counter-based generator: the paper's known answers, and the failures that weak generators have shown."""
+"""Random numbers: the generator's known answers, the lattice, and the failures that weak generators have shown."""
 
 import numpy as np
+import pytest
 import warp as wp
 
+from fgf_warp.device import rng
 from tests import stats
 from tests.contracts import device_kernels
 
@@ -36,10 +38,15 @@ def philox(seed, counters):
     return out.numpy()
 
 
-def uniforms(seed, pixels, samples, purpose=1):
+DRAWS = {"independent": device_kernels.independent_kernel, "lattice": device_kernels.lattice_kernel}
+
+
+def draw(kind, seed, pixels, samples, bounce=1, purpose=1):
+    """(pixels, samples, 4) numbers of one event."""
     out = wp.zeros((pixels, samples), dtype=wp.vec4, device="cpu")
-    inputs = [wp.uint64(seed), samples, purpose]
-    wp.launch(device_kernels.uniforms_kernel, dim=(pixels, samples), inputs=inputs, outputs=[out], device="cpu")
+    wp.launch(
+        DRAWS[kind], dim=(pixels, samples), inputs=[wp.uint64(seed), bounce, purpose], outputs=[out], device="cpu"
+    )
     return out.numpy().astype(np.float64)
 
 
@@ -69,32 +76,88 @@ def test_every_part_of_the_address_matters():
     assert flipped.min() > 64 - 6 * 5.66
 
 
-def test_uniform_in_the_open_interval():
-    xi = uniforms(0, 2048, 256)
+@pytest.mark.parametrize("kind", DRAWS)
+def test_uniform_in_the_open_interval(kind):
+    # Of the lattice, one sample of each pixel: only those are independent.
+    xi = draw(kind, 0, 2048, 256) if kind == "independent" else draw(kind, 0, 2**19, 1)
     assert xi.min() > 0
     assert xi.max() < 1
     counts = np.histogram(xi, bins=4096, range=(0, 1))[0]
     stats.assert_histogram(counts, np.full(4096, xi.size / 4096))
 
 
-def test_pairs_are_independent():
-    """Neighbours in every direction of the address: chi-square on 32 x 32 bins."""
-    xi = uniforms(9, 1024, 512)
-    pairs = {
-        "words": (xi[..., 0], xi[..., 1]),
-        "pixels": (xi[1:, :, 0], xi[:-1, :, 0]),
-        "samples": (xi[:, 1:, 0], xi[:, :-1, 0]),
-        "purposes": (xi[..., 2], uniforms(9, 1024, 512, purpose=2)[..., 2]),
-        "seeds": (xi[..., 3], uniforms(10, 1024, 512)[..., 3]),
-    }
-    for x, y in pairs.values():
-        counts = np.histogram2d(x.ravel(), y.ravel(), bins=32, range=((0, 1), (0, 1)))[0]
-        stats.assert_histogram(counts, np.full(counts.shape, x.size / counts.size))
+def assert_independent(x, y):
+    """Chi-square on 32 x 32 bins."""
+    counts = np.histogram2d(x.ravel(), y.ravel(), bins=32, range=((0, 1), (0, 1)))[0]
+    stats.assert_histogram(counts, np.full(counts.shape, x.size / counts.size))
+
+
+def test_independent_numbers_are_independent():
+    """Of their neighbours in every direction of the address."""
+    xi = draw("independent", 9, 1024, 512)
+    assert_independent(xi[..., 0], xi[..., 1])
+    assert_independent(xi[1:, :, 0], xi[:-1, :, 0])
+    assert_independent(xi[:, 1:, 0], xi[:, :-1, 0])
+    assert_independent(xi[..., 1], draw("independent", 9, 1024, 512, bounce=2)[..., 1])
+    assert_independent(xi[..., 2], draw("independent", 9, 1024, 512, purpose=2)[..., 2])
+    assert_independent(xi[..., 3], draw("independent", 10, 1024, 512)[..., 3])
+
+
+@pytest.mark.parametrize("sample", [0, 1, 63])
+def test_a_point_of_the_lattice_is_independent_of_other_events_and_pixels(sample):
+    """Without this an estimate would be biased: of each sample alone, in every pair of its numbers."""
+
+    def of(bounce=1, purpose=1, seed=9):
+        return draw("lattice", seed, 2**19, sample + 1, bounce, purpose)[:, sample]
+
+    xi = of()
+    for a, b in ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)):
+        assert_independent(xi[:, a], xi[:, b])
+    for k in range(4):
+        assert_independent(xi[1:, k], xi[:-1, k])
+        assert_independent(xi[:, k], of(bounce=2)[:, k])
+        assert_independent(xi[:, k], of(purpose=3)[:, k])
+        assert_independent(xi[:, k], of(seed=10)[:, k])
+    for k in range(2):
+        assert_independent(xi[:, k], of(purpose=0)[:, k])
+
+
+def test_the_lattice_is_shuffled_anew_at_every_event():
+    """Of the two events' samples in one pixel, the pairs fill the square as those of random orders would."""
+    first, second = draw("lattice", 4, 4096, 64, bounce=1), draw("lattice", 4, 4096, 64, bounce=2)
+    assert_independent(first[..., 0], second[..., 0])
+    assert_independent(draw("lattice", 4, 4096, 64, bounce=0, purpose=0)[..., 0], first[..., 0])
+
+
+@pytest.mark.parametrize("purpose", [0, 1])
+def test_every_aligned_block_of_samples_is_a_lattice(purpose):
+    """So in each of its numbers the samples are evenly spaced."""
+    xi = draw("lattice", 3, 64, 256, purpose=purpose)[..., : 2 if purpose == 0 else 4]
+    for size in (1, 2, 16, 64, 256):
+        blocks = np.sort(xi.reshape(64, 256 // size, size, -1), axis=2)
+        gaps = np.diff(np.concatenate([blocks, blocks[:, :, :1] + 1], axis=2), axis=2)
+        assert np.abs(gaps * size - 1).max() < 1e-4
+
+
+def worst_case_error(vector, count):
+    """Squared, of the rank-1 lattice of `count` points, for periodic functions of smoothness 2 and weights 0.6."""
+    x = np.arange(count)[:, None] * np.array(vector) % count / count
+    return np.prod(1 + 0.6 * 2 * np.pi**2 * (x * x - x + 1 / 6), axis=1).mean() - 1
+
+
+def test_the_generating_vector_is_a_good_one():
+    """As good as the first components of a published one, and better by 1.5 where those serve least."""
+    ours = (1, int(rng.LATTICE_1), int(rng.LATTICE_2), int(rng.LATTICE_3))
+    # exod2_base2_m20_CKN of Cools, Kuo and Nuyens 2006, "Constructing embedded lattice rules".
+    published = (1, 182667, 469891, 498753)
+    gains = [worst_case_error(published, 2**m) / worst_case_error(ours, 2**m) for m in range(2, 13)]
+    assert min(gains) > 0.95
+    assert max(gains) > 1.5
 
 
 def test_means_of_many_images():
     """The means of 256 images spread as means of independent numbers do; sees a bias of 1e-3 in all of them."""
-    means = np.array([uniforms(seed, 1024, 16).mean(axis=(0, 1)) for seed in range(256)])
+    means = np.array([draw("independent", seed, 1024, 16).mean(axis=(0, 1)) for seed in range(256)])
     z = (means - 0.5) / np.sqrt(1 / 12 / (1024 * 16))
     assert np.abs(z).max() < stats.sidak_z(z.size)
     assert abs(z.var() - 1) < 5 * np.sqrt(2 / z.size)
