@@ -12,6 +12,7 @@ from fgf_warp.integrator import build_program
 from fgf_warp.renderer import begin, build_model, check_device, develop, render, step
 from fgf_warp.scene import AreaLight, Solid, Surface
 from fgf_warp.settings import Aov, RenderSettings
+from tests import stats
 from tests.grid import REGIMES
 from tests.scenes import furnace, transform
 
@@ -46,7 +47,7 @@ def test_threads_and_steps_do_not_change_a_pixel(monkeypatch):
     state = begin(model)
     for samples in (1, 7, 16):
         step(model, state, samples)
-    assert same(whole, develop(model, state, 1.0))
+    assert same(whole, develop(model, state))
 
 
 def test_seed_decides_the_noise():
@@ -65,24 +66,46 @@ def test_progress_reaches_the_end():
 
 
 @pytest.mark.parametrize("regime", ["exponential", "pink", "fbm"])
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [("meshes", True), ("surfaces", True), ("chromatic", True), ("lone_law", ""), ("aovs", frozenset(Aov))],
-)
-def test_features_that_a_scene_does_not_need_do_not_change_it(regime, key, value, monkeypatch):
+@pytest.mark.parametrize("added", [{"meshes": True}, {"surfaces": True}, {"aovs": frozenset(Aov)}], ids=str)
+def test_features_that_a_scene_does_not_need_do_not_change_a_pixel(regime, added, monkeypatch):
     scene = furnace(albedo=(0.9, 0.8, 0.7), asymmetry=0.3, **REGIMES[regime])
     settings = replace(SETTINGS, aovs=frozenset())
     lean = render(scene, settings)
-    features = required_features(scene, settings)
-    more = replace(features, **{key: value})
-    if key == "chromatic":
-        more = replace(more, lone_law="")  # as for every chromatic scene
-    assert more != features
-    monkeypatch.setattr(renderer, "required_features", lambda scene, settings: more)
-    if key == "aovs":
+    require(added, scene, settings, monkeypatch)
+    if "aovs" in added:
         # The film must then hold the planes that the kernel writes.
         settings = replace(settings, aovs=frozenset(Aov))
     assert np.allclose(render(scene, settings).radiance, lean.radiance, rtol=1e-4, atol=0)
+
+
+def require(added, scene, settings, monkeypatch):
+    """Makes the renderer build the kernel of this scene with further features."""
+    features = required_features(scene, settings)
+    more = replace(features, **added)
+    assert more != features
+    monkeypatch.setattr(renderer, "required_features", lambda scene, settings: more)
+
+
+LONE = {"lone_law": "", "lone_solid": False}
+
+
+@pytest.mark.parametrize("regime", ["exponential", "pink", "fbm"])
+@pytest.mark.parametrize("make", [full_scene, lambda: furnace(fills_view=False)], ids=["full", "sphere"])
+@pytest.mark.parametrize("added", [{"lone_solid": False}, LONE, LONE | {"chromatic": True}], ids=str)
+def test_a_chord_through_the_medium_is_the_same_as_crossing_its_boundaries(regime, make, added, monkeypatch):
+    """The road of the lone solid against the one that any number of media take, in blocks of the image."""
+    scene = replace(make(), media=furnace(albedo=(0.9, 0.8, 0.7), asymmetry=0.3, **REGIMES[regime]).media)
+    settings = replace(SETTINGS, width=32, height=32, spp=512)
+    chord = render(scene, settings)
+    require(added, scene, settings, monkeypatch)
+    crossing = render(scene, replace(settings, seed=4))
+    stats.assert_images_agree(chord, crossing, blocks=4, detects=0.1)
+    for aov in (Aov.DEPTH, Aov.TRANSMITTANCE):
+        near, far = chord.aovs[aov], crossing.aovs[aov]
+        whole = np.isfinite(near) & np.isfinite(far)
+        assert whole.mean() > 0.4
+        # Edges of shapes, where each has samples of its own, apart.
+        assert np.median(np.abs(near[whole] / far[whole] - 1)) < 0.01
 
 
 def test_a_kernel_is_built_for_categories_not_for_numbers():
@@ -95,7 +118,7 @@ def test_a_kernel_is_built_for_categories_not_for_numbers():
 
 def test_variance_is_that_of_the_mean():
     """The spread of 64 independent renders is the variance that each states, within 5 standard errors (11 %)."""
-    settings = replace(SETTINGS, width=24, height=24, spp=8)
+    settings = replace(SETTINGS, width=24, height=24, spp=8, sampler="independent")
     renders = [render(full_scene(), replace(settings, seed=seed)) for seed in range(64)]
     spread = np.var([r.radiance for r in renders], axis=0, ddof=1, dtype=np.float64).mean()
     stated = np.mean([r.variance for r in renders], dtype=np.float64)
