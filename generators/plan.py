@@ -102,13 +102,9 @@ class Plan:
     samples: tuple[Sample, ...]
     digest: str
 
-    def scene_of(self, sample: Sample) -> Scene:
-        """The scene with the sample's medium in its place."""
-        return self.scene.with_medium(self.medium_index, sample.medium)
-
-    def settings_of(self, sample: Sample, threads: int | None) -> RenderSettings:
-        """The settings with the sample's seed."""
-        return replace(self.settings, seed=sample.seed, threads=threads)
+    def media_of(self, sample: Sample) -> tuple[Medium, ...]:
+        """The scene's media with the sample's in its place."""
+        return self.scene.with_medium(self.medium_index, sample.medium).media
 
 
 def build_plan(config: SweepConfig, scene: Scene, width: int, height: int, device: str = "cpu") -> Plan:
@@ -197,7 +193,7 @@ def _check_axes(config: SweepConfig, base: Medium) -> None:
 def _digest(plan: Plan) -> str:
     """SHA-256 of a canonical form. The scene counts by its content, wherever its layers lie."""
     settings = asdict(plan.settings)
-    for execution in ("threads", "seed", "device"):
+    for execution in ("threads", "memory", "seed", "device"):
         del settings[execution]
     content = {
         "version": __version__,

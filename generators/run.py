@@ -1,4 +1,4 @@
-"""Renders the samples of a plan into a folder: in any order, by any number of workers, with interruptions.
+"""Renders the samples of a plan into a folder: in batches, by any number of workers, with interruptions.
 
 A dataset's folder holds::
 
@@ -17,31 +17,40 @@ from __future__ import annotations
 
 import json
 import os
-import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fgf_warp.errors import ConfigError, CorruptFileError, NumericalError, OutputError
 from fgf_warp.output.atomic import check_writable, sweep_partial, write_bytes
 from fgf_warp.output.color import write_png
 from fgf_warp.output.exr import write_exr
+from fgf_warp.result import RenderResult
 from generators.config import LoadedConfig
 from generators.contact_sheet import write_contact_sheet
 from generators.lock import exclusive
 from generators.manifest import Record, exr_name, png_name, write_manifest
 from generators.plan import Plan, Sample
+from generators.stage import check_memory
+
+if TYPE_CHECKING:
+    from fgf_warp.renderer import Model
 
 CONTACT_SHEET = "contact_sheet.png"
 INDEX = "index.parquet"
 PLAN_RECORD = "run/plan.json"
 LOCK = "run/lock"
 
-Progress = Callable[[int, int], None]
-"""Called with the number of finished samples, those of earlier runs included, and of all."""
+Progress = Callable[[float, int], None]
+"""Called with the number of samples rendered, those of earlier runs included and the begun ones by their share, and of
+all; from any thread, though never from two at once."""
+OnFinished = Callable[[Sample, Record | NumericalError], None]
+"""Called with each sample that is written, or that could not be rendered."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +85,6 @@ class Report:
         return self.finished == self.total
 
 
-class _StoppedError(Exception):
-    """Ends a render that the user no longer waits for."""
-
-
 def generate(
     plan: Plan, loaded: LoadedConfig, folder: Path, *, workers: int | None = None, progress: Progress | None = None
 ) -> Report:
@@ -89,17 +94,19 @@ def generate(
         plan: what to render.
         loaded: the config that the plan was made from, kept with the dataset.
         folder: of the dataset; created where missing.
-        workers: samples in flight, >= 1; it changes no file. None: the number of cores, and 1 on CUDA.
+        workers: threads that render, and as many that write, >= 1; they change no file. None: the number of cores,
+            and 1 on CUDA.
         progress: see `Progress`.
 
     Raises:
-        ConfigError: where the folder holds something else or another run is under way in it, or for a number of
-            workers below 1.
+        ConfigError: where the folder holds something else or another run is under way in it, for a number of workers
+            below 1, or where the settings' memory does not hold one image.
         OutputError: where a file cannot be written. What is finished stays.
         CorruptFileError: where a record or an image in the folder cannot be read.
     """
     started = time.perf_counter()
     worker_count = _worker_count(plan, workers)
+    check_memory(plan.scene, plan.settings)
     _make_folder(plan, folder)
     with exclusive(folder / LOCK):
         return _generate(plan, loaded, folder, worker_count, progress, started)
@@ -119,12 +126,13 @@ def _generate(
             records[sample.index] = outcome
         else:
             failures.append((sample.index, str(outcome)))
-        if progress:
-            progress(len(records) + len(failures), len(plan.samples))
 
-    if progress:
-        progress(reused, len(plan.samples))
-    interrupted = _render_all(plan, folder, pending, workers, on_finished)
+    def on_rendered(count: float) -> None:
+        if progress:
+            progress(reused + count, len(plan.samples))
+
+    on_rendered(0)
+    interrupted = _render_all(plan, folder, pending, workers, on_finished, on_rendered)
     write_manifest(folder / INDEX, plan, records.values())
     write_contact_sheet(folder / CONTACT_SHEET, plan, folder)
     return Report(
@@ -189,52 +197,95 @@ def _render_all(
     folder: Path,
     pending: Sequence[Sample],
     workers: int,
-    on_finished: Callable[[Sample, Record | NumericalError], None],
+    on_finished: OnFinished,
+    on_rendered: Callable[[float], None],
 ) -> bool:
-    """Renders the samples; returns whether the user stopped it."""
-    from fgf_warp.renderer import prepare  # noqa: PLC0415 - starts Warp
+    """Renders the samples in batches and writes each as soon as it is there; returns whether the user stopped it."""
+    from fgf_warp.renderer import Variant, batches  # noqa: PLC0415 - starts Warp
 
-    stop = threading.Event()
-    threads = 1 if workers > 1 else None
-    futures: dict[Future[Record], Sample] = {}
-    with ThreadPoolExecutor(workers) as pool:
+    # Laws of one kind share a kernel, and so a batch.
+    ordered = sorted(pending, key=lambda sample: sample.medium.line_law.kind)
+    variants = [Variant(plan.media_of(sample), sample.seed) for sample in ordered]
+    begun = 0
+    with closing(_Writer(plan, folder, workers, on_finished)) as writer:
         try:
-            for sample in pending:
-                prepare(plan.scene_of(sample), plan.settings_of(sample, threads))
-            for sample in pending:
-                futures[pool.submit(_render_sample, plan, folder, sample, threads, stop)] = sample
-            for future in as_completed(futures):
-                try:
-                    on_finished(futures[future], future.result())
-                except NumericalError as error:
-                    on_finished(futures[future], error)
+            for model in batches(plan.scene, variants, replace(plan.settings, threads=workers)):
+                _render_batch(model, ordered, begun, writer, on_rendered)
+                begun += len(model.variants)
+            writer.collect(until=0)
         except KeyboardInterrupt:
-            _stop(pool, stop)
-            for future, sample in futures.items():
-                # as_completed may not have come to samples that were finished meanwhile.
-                if future.done() and not future.cancelled() and future.exception() is None:
-                    on_finished(sample, future.result())
+            writer.collect(until=0)
             return True
-        except BaseException:
-            _stop(pool, stop)
-            raise
     return False
 
 
-def _stop(pool: ThreadPoolExecutor, stop: threading.Event) -> None:
-    stop.set()
-    pool.shutdown(wait=True, cancel_futures=True)
+def _render_batch(
+    model: Model, ordered: Sequence[Sample], begun: int, writer: _Writer, on_rendered: Callable[[float], None]
+) -> None:
+    """Renders the samples from `begun` on, one for each image of the model.
+
+    The films are gone when it returns: those of two batches are never there at once.
+    """
+    from fgf_warp.renderer import advance, begin, develop  # noqa: PLC0415
+
+    images = len(model.variants)
+    # The memory of a batch is enough to develop all its images, so of that many one may wait for its files.
+    waiting_most = min(2 * writer.threads, images - 1)
+    state = begin(model)
+    for image in advance(
+        model, state, model.settings.spp, lambda done, total: on_rendered(begun + images * done / total)
+    ):
+        sample = ordered[begun + image]
+        try:
+            result = develop(model, state, image)
+        except NumericalError as error:
+            writer.on_finished(sample, error)
+            continue
+        writer.add(sample, result)
+        writer.collect(until=waiting_most)
 
 
-def _render_sample(plan: Plan, folder: Path, sample: Sample, threads: int | None, stop: threading.Event) -> Record:
-    """Renders and writes one sample, its record last."""
-    from fgf_warp.renderer import render  # noqa: PLC0415
+class _Writer:
+    """Writes samples in threads of its own, and reports them in the thread that renders.
 
-    def stop_if_asked(_done: int, _total: int) -> None:
-        if stop.is_set():
-            raise _StoppedError
+    Args:
+        plan: of the samples.
+        folder: of the dataset.
+        threads: that write.
+        on_finished: called by `collect`.
+    """
 
-    result = render(plan.scene_of(sample), plan.settings_of(sample, threads), stop_if_asked)
+    def __init__(self, plan: Plan, folder: Path, threads: int, on_finished: OnFinished) -> None:
+        self.threads = threads
+        self.on_finished = on_finished
+        self._write = partial(_write_sample, plan, folder)
+        self._pool = ThreadPoolExecutor(threads)
+        self._writing: dict[Future[Record], Sample] = {}
+
+    def add(self, sample: Sample, result: RenderResult) -> None:
+        """Hands a sample over."""
+        self._writing[self._pool.submit(self._write, sample, result)] = sample
+
+    def collect(self, until: int) -> None:
+        """Reports what is written, and waits while more than `until` samples are not.
+
+        Raises:
+            OutputError: where a file could not be written.
+        """
+        while True:
+            for future in [future for future in self._writing if future.done()]:
+                self.on_finished(self._writing.pop(future), future.result())
+            if len(self._writing) <= until:
+                return
+            wait(self._writing, return_when=FIRST_COMPLETED)
+
+    def close(self) -> None:
+        """Waits for all that was handed over."""
+        self._pool.shutdown()
+
+
+def _write_sample(plan: Plan, folder: Path, sample: Sample, result: RenderResult) -> Record:
+    """Writes one sample, its record last."""
     dataset = {"name": plan.name, "plan": plan.digest, "index": sample.index, "swept": dict(sample.parameters)}
     write_exr(folder / exr_name(sample), replace(result, provenance={**result.provenance, "dataset": dataset}))
     if plan.png:

@@ -1,6 +1,9 @@
 """A dataset's base scene in code, and a renderer that does not render."""
 
 import textwrap
+from dataclasses import replace
+from itertools import groupby
+from types import SimpleNamespace
 
 import pytest
 
@@ -54,7 +57,7 @@ def write_config(tmp_path):
 
 @pytest.fixture
 def fake_renderer(monkeypatch):
-    """Takes the renderer's place; the list of seeds it was asked for."""
+    """Takes the renderer's place; the list of seeds it was asked for. A test may replace its `render` once more."""
     seeds = []
 
     def render(scene, settings, progress=None):
@@ -63,6 +66,23 @@ def fake_renderer(monkeypatch):
             progress(1, 1)
         return made_up_render(settings, H=scene.media[0].hurst)
 
+    def batches(scene, variants, settings):
+        for _, images in groupby(variants, lambda variant: variant.media[0].line_law.kind):
+            yield SimpleNamespace(scene=scene, settings=settings, variants=tuple(images))
+
+    def advance(model, state, samples, progress):
+        for image in range(len(model.variants)):
+            progress(samples * image, samples * len(model.variants))
+            yield image
+        progress(1, 1)
+
+    def develop(model, state, image):
+        variant = model.variants[image]
+        scene, settings = model.scene.with_media(variant.media), replace(model.settings, seed=variant.seed)
+        return fgf_warp.renderer.render(scene, settings)
+
     monkeypatch.setattr(fgf_warp.renderer, "prepare", lambda scene, settings: None)
-    monkeypatch.setattr(fgf_warp.renderer, "render", render)
+    for stand_in in (render, batches, advance, develop):
+        monkeypatch.setattr(fgf_warp.renderer, stand_in.__name__, stand_in)
+    monkeypatch.setattr(fgf_warp.renderer, "begin", lambda model: None)
     return seeds

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
@@ -18,7 +20,7 @@ def sheet_of(tmp_path, missing=(), width=64, height=48, **keys):
     (tmp_path / "images").mkdir()
     for sample in plan.samples:
         if sample.index not in missing:
-            write_exr(tmp_path / exr_name(sample), made_up_render(plan.settings_of(sample, None)))
+            write_exr(tmp_path / exr_name(sample), made_up_render(replace(plan.settings, seed=sample.seed)))
     contact_sheet.write_contact_sheet(tmp_path / "sheet.png", plan, tmp_path)
     return plan, oiio.ImageInput.open(str(tmp_path / "sheet.png")).read_image("uint8")
 

@@ -6,7 +6,7 @@ from scipy import stats
 
 from fgf_warp.errors import ConfigError, SceneError
 from generators.config import SweepConfig
-from generators.plan import build_plan, sample_seed
+from generators.plan import _digest, build_plan, sample_seed
 from tests.scenes import furnace
 
 
@@ -39,7 +39,7 @@ def test_an_axis_changes_its_parameter_and_no_other(axis, value, field, expected
     base = furnace()
     plan = plan_of(base, axes={axis: [value]})
     assert plan.samples[0].medium == replace(base.media[0], **{field: expected})
-    assert plan.scene_of(plan.samples[0]).media == (plan.samples[0].medium,)
+    assert plan.media_of(plan.samples[0]) == (plan.samples[0].medium,)
 
 
 def test_equal_configs_give_equal_plans():
@@ -75,6 +75,13 @@ def test_where_the_scene_lies_changes_neither_digest_nor_headers():
     here, elsewhere = plan_of(scene="a/s.usda"), plan_of(replace(furnace(), source="/b/s.usda"), scene="/b/s.usda")
     assert here.digest == elsewhere.digest
     assert here.scene.source == elsewhere.scene.source == "s.usda"
+
+
+def test_the_sampler_changes_the_digest_and_how_it_is_carried_out_does_not():
+    plan = plan_of()
+    for key, value, changes in (("sampler", "independent", True), ("memory", 0.5, False), ("threads", 3, False)):
+        other = replace(plan, settings=replace(plan.settings, **{key: value}))
+        assert (_digest(other) != _digest(plan)) == changes
 
 
 def test_the_number_of_the_gpu_does_not_change_the_digest():

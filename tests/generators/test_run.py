@@ -2,6 +2,8 @@ import json
 import os
 import signal
 import threading
+import time
+import weakref
 from dataclasses import replace
 
 import pyarrow.parquet as pq
@@ -159,7 +161,8 @@ def test_number_of_workers_changes_no_byte(tmp_path, dataset, fake_renderer):
             assert (other / name).read_bytes() == (first / name).read_bytes()
 
 
-def test_threads_of_a_render_follow_the_workers(tmp_path, dataset, fake_renderer, monkeypatch):
+@pytest.mark.parametrize("workers", [1, 3])
+def test_threads_that_render_are_as_many_as_the_workers(tmp_path, dataset, fake_renderer, monkeypatch, workers):
     plan, loaded = dataset
     threads = set()
 
@@ -168,11 +171,43 @@ def test_threads_of_a_render_follow_the_workers(tmp_path, dataset, fake_renderer
         return made_up_render(settings)
 
     monkeypatch.setattr(fgf_warp.renderer, "render", render)
-    run.generate(plan, loaded, tmp_path / "a", workers=1)
-    assert threads == {None}
-    threads.clear()
-    run.generate(plan, loaded, tmp_path / "b", workers=2)
-    assert threads == {1}
+    run.generate(plan, loaded, tmp_path / "data", workers=workers)
+    assert threads == {workers}
+
+
+def test_few_images_wait_for_their_files(tmp_path, config_path, scene, fake_renderer, monkeypatch):
+    loaded = load_config(config_path, ["draws=4"])
+    written, waiting = [], []
+
+    def write_slowly(path, result):
+        waiting.append(len(fake_renderer) - len(written))
+        time.sleep(0.02)
+        write_exr(path, result)
+        written.append(path)
+
+    write_exr = run.write_exr
+    monkeypatch.setattr(run, "write_exr", write_slowly)
+    assert run.generate(build_plan(loaded.config, scene, 12, 8), loaded, tmp_path / "data", workers=2).is_complete
+    # Twelve images of each of two laws. Two for each worker, and the one that is being made.
+    assert 2 < max(waiting) <= 2 * 2 + 1
+
+
+def test_films_of_two_batches_are_never_there_at_once(tmp_path, dataset, fake_renderer, monkeypatch):
+    plan, loaded = dataset
+    films = []
+
+    class Film:
+        pass
+
+    def begin(model):
+        assert not any(film() for film in films)
+        state = Film()
+        films.append(weakref.ref(state))
+        return state
+
+    monkeypatch.setattr(fgf_warp.renderer, "begin", begin)
+    run.generate(plan, loaded, tmp_path / "data")
+    assert len(films) == 2
 
 
 def test_interrupted_run_goes_on_where_it_was(tmp_path, dataset, fake_renderer, monkeypatch):
@@ -181,19 +216,17 @@ def test_interrupted_run_goes_on_where_it_was(tmp_path, dataset, fake_renderer, 
     whole = tmp_path / "whole"
     run.generate(plan, loaded, whole)
     fake_renderer.clear()
-    render = fgf_warp.renderer.render
+    advance = fgf_warp.renderer.advance
 
-    def interrupt_the_third(scene, settings, progress=None):
-        if len(fake_renderer) == 2:
-            os.kill(os.getpid(), signal.SIGINT)
-            for _ in range(3000):
-                stopped.wait(0.01)
-                progress(0, 1)
-            raise AssertionError("the interrupt did not stop the run")
-        return render(scene, settings, progress)
+    def interrupt_the_third(*arguments):
+        for image in advance(*arguments):
+            if len(fake_renderer) == 2:
+                os.kill(os.getpid(), signal.SIGINT)
+                threading.Event().wait(30)
+                raise AssertionError("the interrupt did not stop the run")
+            yield image
 
-    stopped = threading.Event()
-    monkeypatch.setattr(fgf_warp.renderer, "render", interrupt_the_third)
+    monkeypatch.setattr(fgf_warp.renderer, "advance", interrupt_the_third)
     # A process that was started in the background may ignore the signal.
     handler = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
@@ -205,7 +238,7 @@ def test_interrupted_run_goes_on_where_it_was(tmp_path, dataset, fake_renderer, 
     assert len(image_bytes(folder)) == 4
     assert not list(folder.rglob(".*"))
 
-    monkeypatch.setattr(fgf_warp.renderer, "render", render)
+    monkeypatch.setattr(fgf_warp.renderer, "advance", advance)
     fake_renderer.clear()
     report = run.generate(plan, loaded, folder, workers=1)
     assert (report.reused, report.is_complete) == (2, True)
@@ -302,18 +335,75 @@ def test_record_is_the_last_of_a_samples_files(tmp_path, dataset, fake_renderer,
     assert not list((folder / "run").glob("0*.json"))
 
 
+def test_a_file_that_cannot_be_written_ends_the_run_and_leaves_what_is_finished(
+    tmp_path, config_path, scene, fake_renderer, monkeypatch
+):
+    loaded = load_config(config_path, ["axes.H=[-0.5]", "draws=3"])
+    plan = build_plan(loaded.config, scene, 12, 8)
+    folder = tmp_path / "data"
+    write_exr, advance, ended = run.write_exr, fgf_warp.renderer.advance, []
+
+    def fill_the_disk(path, result):
+        if path.stem == "000001":
+            raise OutputError("no space left")
+        write_exr(path, result)
+
+    def see_the_end(*arguments):
+        try:
+            yield from advance(*arguments)
+        finally:
+            ended.append(len(fake_renderer))
+
+    monkeypatch.setattr(run, "write_exr", fill_the_disk)
+    monkeypatch.setattr(fgf_warp.renderer, "advance", see_the_end)
+    with pytest.raises(OutputError, match="no space left"):
+        run.generate(plan, loaded, folder, workers=1)
+    # The renderer was told, and what was handed over is written.
+    (rendered,) = ended
+    assert rendered < len(plan.samples)
+    finished = {path.stem for path in (folder / "run").glob("0*.json")}
+    assert finished == {f"{i:06d}" for i in range(rendered)} - {"000001"}
+
+    monkeypatch.setattr(run, "write_exr", write_exr)
+    report = run.generate(plan, loaded, folder)
+    assert (report.reused, report.is_complete) == (rendered - 1, True)
+
+
 def test_progress_counts_earlier_samples(tmp_path, dataset, fake_renderer):
     plan, loaded = dataset
     run.generate(plan, loaded, tmp_path / "data")
     (tmp_path / "data" / "run" / "000000.json").unlink()
     calls = []
     run.generate(plan, loaded, tmp_path / "data", progress=lambda done, total: calls.append((done, total)))
-    assert calls == [(5, 6), (6, 6)]
+    assert calls == [(5, 6), (5, 6), (6, 6)]
+
+
+def test_progress_counts_parts_of_samples(tmp_path, config_path, fake_renderer, monkeypatch):
+    loaded = load_config(config_path, ["axes={H: [-0.5, -0.25, -0.3]}"])
+    calls = []
+
+    def advance(model, state, samples, progress):
+        progress(1, 4)
+        progress(3, 4)
+        yield from range(len(model.variants))
+
+    monkeypatch.setattr(fgf_warp.renderer, "advance", advance)
+    plan = build_plan(loaded.config, furnace(white_noise_scale=1.0), 12, 8)
+    run.generate(plan, loaded, tmp_path / "data", progress=lambda done, total: calls.append((done, total)))
+    assert calls == [(0, 3), (0.25, 3), (0.75, 3), (1.5, 3), (2.5, 3)]
 
 
 def test_fewer_than_one_worker_is_refused(tmp_path, dataset):
     with pytest.raises(ConfigError, match="workers = 0"):
         run.generate(*dataset, tmp_path / "data", workers=0)
+
+
+def test_an_image_that_the_memory_does_not_hold_is_refused_before_the_folder_is_made(tmp_path, dataset):
+    plan, loaded = dataset
+    plan = replace(plan, settings=replace(plan.settings, memory=1e-9))
+    with pytest.raises(ConfigError, match=r"12 x 8 pixels needs .* GiB; accepted: at most memory = 1e-09 GiB"):
+        run.generate(plan, loaded, tmp_path / "deep" / "data")
+    assert not (tmp_path / "deep").exists()
 
 
 def test_parent_that_is_a_file_is_refused(tmp_path, dataset):
