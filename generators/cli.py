@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -15,13 +16,14 @@ import typer
 from typer.core import TyperGroup
 
 from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError, OutputError
-from fgf_warp.settings import PRESETS, Aov, RenderSettings
+from fgf_warp.settings import PRESETS, Aov, RenderSettings, Sampler
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from rich.progress import Progress
 
+    from fgf_warp.features import Reason
     from fgf_warp.result import RenderResult
     from fgf_warp.scene import Medium, Scene
     from generators.config import LoadedConfig
@@ -65,6 +67,9 @@ Overrides = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the config, e.g. spp=16 or axes.H=[-0.4]."),
 ]
 Device = Annotated[str, typer.Option(help="Where to render: cpu, or a GPU such as cuda:0.")]
+Memory = Annotated[
+    float, typer.Option(metavar="GIB", help="Most memory for the images that are rendered at once; changes no pixel.")
+]
 
 
 @app.callback(invoke_without_command=True)
@@ -86,7 +91,9 @@ def fgf(context: typer.Context) -> None:
 @app.command()
 def render(
     stage: Annotated[Path, typer.Argument(metavar="STAGE", help="The USD file.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT.exr", help="The image to write.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="OUT.exr", help="The image to write.")
+    ] = None,
     camera: Annotated[
         str | None,
         typer.Option("--camera", "-cam", metavar="PATH", help="Camera; default: the render settings', or the first."),
@@ -100,7 +107,11 @@ def render(
     spp: Annotated[int | None, typer.Option(metavar="N", help="Samples per pixel, in place of the preset's.")] = None,
     preset: Annotated[str, typer.Option(help=f"{', '.join(PRESETS)}.")] = "balanced",
     seed: Annotated[int, typer.Option(metavar="N", help="Equal seeds give equal pixels.")] = 0,
+    sampler: Annotated[
+        str, typer.Option(help="lattice: less noise than the reported error says; independent: as much as it says.")
+    ] = Sampler.LATTICE.value,
     device: Device = "cpu",
+    memory: Memory = RenderSettings.memory,
     frame: Annotated[
         float | None,
         typer.Option("--frame", "-f", metavar="F", help="Time code; default: the stage's start, or the earliest."),
@@ -113,6 +124,9 @@ def render(
         list[str] | None,
         typer.Option(metavar="NAME", help=f"Only these planes, repeatable: {', '.join(Aov)}; default: all."),
     ] = None,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Say what the kernel is built for and why, and render nothing.")
+    ] = False,
 ) -> None:
     """Render one image of a stage.
 
@@ -123,14 +137,12 @@ def render(
     from fgf_warp.output.atomic import check_writable  # noqa: PLC0415
     from fgf_warp.output.color import write_png  # noqa: PLC0415
     from fgf_warp.output.exr import write_exr  # noqa: PLC0415
-    from generators.stage import load_scene  # noqa: PLC0415
+    from generators.stage import check_memory, load_scene  # noqa: PLC0415
 
     aovs = _choose_aovs(aov)
-    if preset not in PRESETS:
-        raise ConfigError(f"--preset {preset}: accepted: {', '.join(PRESETS)}")
-    _check_output(output, ".exr")
-    if png:
-        _check_output(png, ".png")
+    _check_choice("--preset", preset, PRESETS)
+    _check_choice("--sampler", sampler, Sampler)
+    files = [] if explain else _check_outputs(output, png)
     base = load_scene(stage, camera=camera, frame=frame, purposes=purposes.split(","), width=width, height=height)
     settings = RenderSettings(
         width=base.width,
@@ -140,12 +152,20 @@ def render(
         max_depth=PRESETS[preset].max_depth,
         roulette_depth=PRESETS[preset].roulette_depth,
         aovs=aovs,
+        sampler=Sampler(sampler),
         device=device,
+        memory=memory,
     )
-    check_writable(output)
-    if png:
-        check_writable(png)
+    if explain:
+        from fgf_warp.features import explain as explain_kernel  # noqa: PLC0415
+
+        _warn(base.warnings)
+        _print_reasons(explain_kernel(base.scene, settings))
+        return
+    for file in files:
+        check_writable(file)
     _start_warp(device)
+    check_memory(base.scene, settings)
     _warn(base.warnings)
 
     from fgf_warp.renderer import prepare  # noqa: PLC0415
@@ -159,10 +179,10 @@ def render(
             progress.update(task, description="rendering", completed=done, total=total)
 
         result = render_scene(base.scene, settings, show)
-    write_exr(output, result)
+    write_exr(files[0], result)
     if png:
         write_png(png, result)
-    _print_render(result, [output, *([png] if png else [])])
+    _print_render(result, files)
 
 
 @app.command()
@@ -171,16 +191,21 @@ def generate(
     overrides: Overrides = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder, in place of the config's.")] = None,
     workers: Annotated[
-        int | None, typer.Option(metavar="N", help="Samples in flight; default: the number of cores, 1 on a GPU.")
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Threads that render, and as many that write files; default: the number of cores, 1 on a GPU.",
+        ),
     ] = None,
     device: Device = "cpu",
+    memory: Memory = RenderSettings.memory,
 ) -> None:
     """Make a dataset from a config.
 
     It consists of images, their labels in index.parquet, and a contact sheet.
 
     Stopped with Ctrl-C, the same command goes on where it was: finished samples are not rendered again. The images
-    do not depend on the number of workers.
+    do not depend on the number of workers, nor on the memory.
 
     \b
     Example:
@@ -189,17 +214,17 @@ def generate(
     from generators import run  # noqa: PLC0415
 
     loaded, plan, warnings = _plan(config, overrides, device)
+    plan = replace(plan, settings=replace(plan.settings, memory=memory))
     folder = out or Path(loaded.config.output or f"datasets/{loaded.config.name}")
     _start_warp(device)
     _warn(warnings)
     with _progress(counted=True) as progress:
 
-        def show(done: int, total: int) -> None:
-            # The first call comes before the first image, while the kernels are built.
-            if not progress.tasks:
-                progress.add_task("building the kernel", completed=done, total=total)
-            else:
-                progress.update(progress.task_ids[0], description="rendering", completed=done, total=total)
+        def show(done: float, total: int) -> None:
+            # The first call comes before the first image, while the kernel is built.
+            building = not progress.tasks
+            task = progress.add_task("", total=total) if building else progress.task_ids[0]
+            progress.update(task, description="building the kernel" if building else "rendering", completed=done)
 
         try:
             report = run.generate(plan, loaded, folder, workers=workers, progress=show)
@@ -327,9 +352,19 @@ def _choose_aovs(names: list[str] | None) -> frozenset[Aov]:
     return frozenset(Aov(name) for name in names)
 
 
-def _check_output(path: Path, suffix: str) -> None:
-    if path.suffix.lower() != suffix:
-        raise ConfigError(f"{path}: accepted: a file name that ends in {suffix}")
+def _check_choice(option: str, value: str, accepted: Iterable[str]) -> None:
+    if value not in list(accepted):
+        raise ConfigError(f"{option} {value}: accepted: {', '.join(accepted)}")
+
+
+def _check_outputs(exr: Path | None, png: Path | None) -> list[Path]:
+    """The files to write, the EXR first."""
+    if exr is None:
+        raise ConfigError("--output (-o) is missing; accepted: the name of the EXR, or --explain, which writes none")
+    for path, suffix in ((exr, ".exr"), (png, ".png")):
+        if path is not None and path.suffix.lower() != suffix:
+            raise ConfigError(f"{path}: accepted: a file name that ends in {suffix}")
+    return [exr, *([png] if png else [])]
 
 
 def _start_warp(device: str) -> None:
@@ -462,6 +497,16 @@ def _print_plan(made: Plan) -> None:
         f"{settings.width} x {settings.height} pixels, {settings.spp} samples per pixel, {channels} channels: "
         f"at most about {size / 1e6:,.3g} MB"
     )
+
+
+def _print_reasons(reasons: Sequence[Reason]) -> None:
+    from rich.console import Console  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+
+    table = Table("part", "in the kernel", "why")
+    for reason in reasons:
+        table.add_row(reason.part, "yes" if reason.built else "-", reason.why)
+    Console(markup=False, highlight=False).print(table)
 
 
 def _print_scene(scene: Scene, width: int, height: int) -> None:

@@ -8,11 +8,13 @@ from typer.testing import CliRunner
 
 import fgf_warp.renderer
 from fgf_warp.errors import NumericalError, OutputError
+from fgf_warp.features import explain
 from fgf_warp.output.exr import read_exr
-from fgf_warp.settings import Aov
+from fgf_warp.settings import Aov, RenderSettings, Sampler
 from generators import run
 from generators.cli import app
 from tests.renders import made_up_render
+from tests.scenes import furnace
 
 
 def fgf(*arguments):
@@ -124,6 +126,13 @@ def test_render_reports_paths_that_were_cut(tmp_path, stage, fake_renderer, monk
         (("-o", "{tmp}/a.exr", "--device", "cuda:77"), "device = 'cuda:77'; accepted on this machine"),
         (("-o", "{tmp}/a.exr", "--preset", "best"), "--preset best: accepted: preview, balanced, reference"),
         (("-o", "{tmp}/a.exr", "--aov", "dept"), "--aov dept: accepted: depth"),
+        (("-o", "{tmp}/a.exr", "--sampler", "sobol"), "--sampler sobol: accepted: lattice, independent"),
+        (("-o", "{tmp}/a.exr", "--memory", "0"), "memory = 0.0; accepted: a number of GiB > 0"),
+        (("-o", "{tmp}/a.exr", "--memory", "nan"), "memory = nan; accepted: a number of GiB > 0"),
+        (("-o", "{tmp}/a.exr", "--memory", "much"), "--memory"),
+        ((), "--output (-o) is missing; accepted: the name of the EXR, or --explain"),
+        (("--png", "{tmp}/a.png"), "--output (-o) is missing"),
+        (("--explain", "--sampler", "sobol"), "--sampler sobol: accepted: lattice, independent"),
     ],
 )
 def test_render_refuses_before_rendering(tmp_path, stage, fake_renderer, arguments, message):
@@ -131,6 +140,48 @@ def test_render_refuses_before_rendering(tmp_path, stage, fake_renderer, argumen
     outcome = fgf("render", stage, *(argument.format(tmp=tmp_path) for argument in arguments))
     assert_refused(outcome, message)
     assert fake_renderer == []
+
+
+def test_render_refuses_an_image_that_the_memory_does_not_hold(tmp_path, stage, monkeypatch):
+    def build(scene, settings):
+        raise AssertionError("a kernel was built")
+
+    monkeypatch.setattr(fgf_warp.renderer, "prepare", build)
+    before = sorted(tmp_path.rglob("*"))
+    size = ("-w", 20000, "--imageHeight", 10000)
+    outcome = fgf("render", stage, "-o", tmp_path / "a.exr", "--png", tmp_path / "a.png", *size, "--memory", 0.5)
+    assert_refused(outcome, "an image of 20000 x 10000 pixels needs ")
+    assert "GiB; accepted: at most memory = 0.5 GiB" in outcome.stderr
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_render_hands_its_options_over(tmp_path, stage, fake_renderer, monkeypatch):
+    asked = []
+
+    def render(scene, settings, progress=None):
+        asked.append((settings.sampler, settings.memory))
+        return made_up_render(settings)
+
+    monkeypatch.setattr(fgf_warp.renderer, "render", render)
+    common = ("render", stage, "-o", tmp_path / "a.exr", "-w", 2, "--spp", 1)
+    assert fgf(*common).exit_code == 0
+    assert fgf(*common, "--sampler", "independent", "--memory", 1.5).exit_code == 0
+    assert asked == [(Sampler.LATTICE, 4.0), (Sampler.INDEPENDENT, 1.5)]
+
+
+@pytest.mark.parametrize("output", [(), ("-o", "nowhere/a.exr")])
+def test_render_explains_its_kernel_and_renders_nothing(tmp_path, stage, fake_renderer, monkeypatch, output):
+    monkeypatch.setenv("COLUMNS", "200")
+    before = sorted(tmp_path.rglob("*"))
+    outcome = fgf("render", stage, *output, "--explain", "--aov", "depth", "--sampler", "independent")
+    assert outcome.exit_code == 0, outcome.output
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in outcome.stdout.splitlines() if "│" in line]
+    settings = RenderSettings(aovs={Aov.DEPTH}, sampler="independent")
+    expected = [[reason.part, "yes" if reason.built else "-", reason.why] for reason in explain(furnace(), settings)]
+    assert rows == expected
+    assert {"yes", "-"} == {row[1] for row in rows}
+    assert fake_renderer == []
+    assert sorted(tmp_path.rglob("*")) == before
 
 
 def test_render_refuses_a_missing_stage(tmp_path):
@@ -153,6 +204,37 @@ def test_generate_makes_a_dataset(tmp_path, config_path, fake_renderer):
     assert "3 of 3 samples rendered" in outcome.stdout
     assert str(tmp_path / "data" / "contact_sheet.png") in outcome.stdout
     assert len(fake_renderer) == 3
+
+
+def test_generate_goes_on_with_another_memory(tmp_path, config_path, fake_renderer, monkeypatch):
+    asked = set()
+
+    def render(scene, settings, progress=None):
+        asked.add(settings.memory)
+        return made_up_render(settings)
+
+    monkeypatch.setattr(fgf_warp.renderer, "render", render)
+    assert fgf("generate", config_path, "--out", tmp_path / "data").exit_code == 0
+    (tmp_path / "data" / "run" / "000001.json").unlink()
+    outcome = fgf("generate", config_path, "--out", tmp_path / "data", "--memory", 0.25)
+    assert outcome.exit_code == 0, outcome.output
+    assert "1 of 6 samples rendered, 5 from earlier runs" in outcome.stdout
+    assert asked == {4.0, 0.25}
+
+
+@pytest.mark.parametrize(
+    ("memory", "message"),
+    [
+        ("0", "memory = 0.0; accepted: a number of GiB > 0"),
+        ("1e-9", "an image of 12 x 8 pixels needs "),
+    ],
+)
+def test_generate_refuses_memory_that_holds_no_image(tmp_path, config_path, memory, message):
+    before = sorted(tmp_path.rglob("*"))
+    outcome = fgf("generate", config_path, "--out", tmp_path / "data", "--memory", memory)
+    assert_refused(outcome, message)
+    assert "GiB" in outcome.stderr
+    assert sorted(tmp_path.rglob("*")) == before
 
 
 def test_generate_reports_paths_that_were_cut(tmp_path, config_path, fake_renderer, monkeypatch):
