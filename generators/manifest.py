@@ -40,8 +40,9 @@ SCHEMA = pa.schema(
 everywhere. ``S_w`` is null where kappa was authored in its place, ``L`` where there is none, ``png`` where none was
 asked for. ``sigma_m``, ``kappa`` and ``b`` are those in force: a grey extinction color is a factor of ``sigma_m``; of
 a chromatic medium, whose channels differ in them, they are the ones before the color. ``standard_error`` is the mean
-relative standard error of the image's pixels, ``truncated`` the number of paths cut at the bound on their length.
-Only ``render_seconds`` differs between two runs of one plan."""
+relative standard error of the image's pixels, somewhat too large with the lattice (see `fgf_warp.settings.Sampler`);
+``truncated`` the number of paths cut at the bound on their length. Only ``render_seconds`` differs between two runs of
+one plan."""
 
 
 @dataclass(frozen=True)
