@@ -50,14 +50,13 @@ from fgf_warp.device.law import (
     POWER,
     Law,
     flight_density,
-    fly_fractional,
+    flight_of_ln,
     fly_power,
-    read_table,
+    ln_decorrelation,
+    ln_flight,
     sample_mm,
     sample_sm,
     segment_transmittance,
-    shorten_fractional,
-    table_place,
 )
 from fgf_warp.device.lights import (
     DISTANT,
@@ -76,17 +75,18 @@ from fgf_warp.device.lights import (
 )
 from fgf_warp.device.medium import Container, Medium, medium_at
 from fgf_warp.device.numerics import INFINITE, choose, log_positive, max_component
-from fgf_warp.device.options import KERNEL_OPTIONS
+from fgf_warp.device.options import kernel_options
 from fgf_warp.device.phase import eval_hg, sample_hg
 from fgf_warp.device.rng import (
     CAMERA,
     CHANNEL,
     CONNECTION,
-    CORRELATED_FLIGHT,
     EVENT,
     draw_in_pixel,
     draw_independent,
     draw_lattice,
+    draw_more_independent,
+    draw_more_lattice,
     pixel_shift,
     reverse_bits,
 )
@@ -123,7 +123,6 @@ class SceneData:
     """Of the image that is rendered."""
     containers: wp.array(dtype=Container)
     lights: wp.array(dtype=Light)
-    flight_tables: wp.array(dtype=wp.vec2)
     camera_inside: wp.uint32
     """Containers around the camera."""
     seeds: wp.array(dtype=wp.uint64)
@@ -196,7 +195,9 @@ def build_program(features: RenderFeatures) -> Program:
     meets_emitters = has_surfaces or features.connections
     # One medium of one law is the same for all lanes; anything else is looked up lane by lane.
     lone_law, lone_solid, has_crossings = features.lone_law, features.lone_solid, features.crossings
-    draw = draw_lattice if features.sampler == "lattice" else draw_independent
+    is_lattice = features.sampler == "lattice"
+    draw = draw_lattice if is_lattice else draw_independent
+    draw_more = draw_more_lattice if is_lattice else draw_more_independent
     pool_floats, sum_count = lane_floats(features), tally_floats(features)
     load, store = lanes_module.build_lanes(features)
     load_tally, store_tally = lanes_module.build_tallies(features)
@@ -212,26 +213,18 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func(inline=True)
-    def begin_flight(before: Path, law: Law) -> Path:
-        """In a lone medium: the exponent E, and where in the flight table it falls."""
-        path = before
-        path.flight = -log_positive(before.xi[0])
-        if wp.static(lone_law == "fractional"):
-            path.ln_ratio = table_place(law, path.flight)
-        return path
-
-    @wp.func(inline=True)
-    def end_flight(before: Path, medium: Medium, seed: wp.uint64) -> Path:
-        """In a lone medium: the distance."""
+    def fly_in_lone_medium(before: Path, medium: Medium, seed: wp.uint64) -> Path:
         path = before
         remembers = before.from_medium == 1 and medium.law.reciprocal == 1
-        u = before.flight / medium.law.rate
+        exponent = -log_positive(before.xi[0])
+        u = exponent / medium.law.rate
         if wp.static(lone_law == "power"):
-            u = fly_power(medium.law, before.flight, remembers)
+            u = fly_power(medium.law, exponent, remembers)
         if wp.static(lone_law == "fractional"):
-            u = fly_fractional(before.flight, before.ln_ratio)
-            more = draw(seed, before.pixel, before.turn, before.bounce, CORRELATED_FLIGHT)
-            u = wp.where(remembers, shorten_fractional(medium.law, u, more[0], more[1]), u)
+            ln_u = ln_flight(medium.law, exponent)
+            more = draw_more(seed, before.pixel, before.turn, before.bounce, EVENT)
+            ln_u = wp.where(remembers, wp.min(ln_u, ln_decorrelation(medium.law, more[0], more[1])), ln_u)
+            u = flight_of_ln(ln_u)
         path.flight = wp.min(u / medium.extinction[0], 0.5 * INFINITE)
         if wp.static(not lone_solid):
             is_in_medium = before.start.inside != wp.uint32(0)
@@ -249,10 +242,10 @@ def build_program(features: RenderFeatures) -> Program:
             law = law_of_channel(medium, path.channel)
             u = float(0.0)
             if path.from_medium == 1 and law.reciprocal == 1:
-                more = draw(seed, path.pixel, path.turn, path.bounce, CORRELATED_FLIGHT)
-                u = sample_mm(law, scene.flight_tables, path.xi[0], more[0], more[1])
+                more = draw_more(seed, path.pixel, path.turn, path.bounce, EVENT)
+                u = sample_mm(law, path.xi[0], more[0], more[1])
             else:
-                u = sample_sm(law, scene.flight_tables, path.xi[0])
+                u = sample_sm(law, path.xi[0])
             path.flight = path.segment + wp.min(u / medium.extinction[path.channel], 0.5 * INFINITE)
         return path
 
@@ -736,7 +729,7 @@ def build_program(features: RenderFeatures) -> Program:
         path.shift_x = before.shift_x
         path.shift_y = before.shift_y
         in_pixel = wp.vec2(0.0, 0.0)
-        if wp.static(features.sampler == "lattice"):
+        if wp.static(is_lattice):
             in_pixel = draw_in_pixel(path.shift_x, path.shift_y, path.turn)
         else:
             xi = draw(seed, path.pixel, path.turn, 0, CAMERA)
@@ -816,7 +809,7 @@ def build_program(features: RenderFeatures) -> Program:
         return medium
 
     connects_in_lanes = features.connections and not has_crossings
-    opens_eyes_at_once = not features.media or (lone_law in ("exponential", "power") and not lone_solid)
+    opens_eyes_at_once = not features.media or (lone_law != "" and not lone_solid)
     needs_meeting = has_crossings and (lone_law == "" or Aov.TRANSMITTANCE in features.aovs)
 
     @wp.func
@@ -847,7 +840,7 @@ def build_program(features: RenderFeatures) -> Program:
                 path = look_beyond(path, scene.lights[k], light_count)
         return path
 
-    @wp.kernel(module="unique", module_options=KERNEL_OPTIONS)
+    @wp.kernel(module="unique", module_options=kernel_options(features.meshes))
     def render_threads(
         batch: SceneData,
         limits: Limits,
@@ -874,10 +867,7 @@ def build_program(features: RenderFeatures) -> Program:
                     if wp.static(lone_law == ""):
                         path = fly_anywhere(scene, path, seed)
                     else:
-                        path = begin_flight(path, lone.law)
-                        if wp.static(lone_law == "fractional"):
-                            path.ln_ratio = read_table(lone.law, scene.flight_tables, path.ln_ratio)
-                        path = end_flight(path, lone, seed)
+                        path = fly_in_lone_medium(path, lone, seed)
                 path = look(scene, path)
                 if wp.static(needs_meeting):
                     path = meet(scene, path)
@@ -889,7 +879,7 @@ def build_program(features: RenderFeatures) -> Program:
             tally = finish(tally, path, True)
         write_film(film, place, tally)
 
-    @wp.kernel(module="unique", module_options=KERNEL_OPTIONS)
+    @wp.kernel(module="unique", module_options=kernel_options(features.meshes))
     def render_pool(
         batch: SceneData,
         limits: Limits,
@@ -966,23 +956,10 @@ def build_program(features: RenderFeatures) -> Program:
                 path = load(lanes, i)
                 path = depart(path, seed)
                 if wp.static(lone_law != ""):
-                    path = begin_flight(path, lone.law)
-                    if wp.static(lone_law != "fractional"):
-                        path = end_flight(path, lone, seed)
+                    path = fly_in_lone_medium(path, lone, seed)
                 if wp.static(opens_eyes_at_once):
                     path = open_eyes(path)
                 store(lanes, i, path)
-            if wp.static(lone_law == "fractional"):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    path.ln_ratio = read_table(lone.law, scene.flight_tables, path.ln_ratio)
-                    store(lanes, i, path)
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    path = end_flight(path, lone, seed)
-                    if wp.static(not lone_solid):
-                        path = open_eyes(path)
-                    store(lanes, i, path)
             if wp.static(features.media and lone_law == ""):
                 for i in range(LANES):
                     path = load(lanes, i)

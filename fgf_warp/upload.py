@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -77,8 +78,7 @@ def upload(
             f"{scene.source}: {len(containers)} shapes are filled with media; accepted: at most {MAX_CONTAINERS}"
         )
     solids = [_solid(shape, shapes, containers) for shape in shapes if isinstance(shape, Solid)]
-    tables = FlightTables()
-    media = [_medium(index, item, tables) for own in media_of_images for index, item in enumerate(own)]
+    media = [_medium(index, item) for own in media_of_images for index, item in enumerate(own)]
 
     data = SceneData()
     data.camera = _camera(scene.camera, settings.width, settings.height)
@@ -98,7 +98,6 @@ def upload(
         dtype=lights.Light,
         device=device,
     )
-    data.flight_tables = wp.array(tables.rows(), dtype=wp.vec2, device=device)
     data.camera_inside = wp.uint32(containers_around(scene.camera.position, containers))
     data.seeds = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
 
@@ -139,30 +138,15 @@ def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray)
     return float(np.arctan2(volume, denominator).sum() / (2 * math.pi))
 
 
-class FlightTables:
-    """The flight tables of a scene's media, one for each b."""
-
-    def __init__(self) -> None:
-        self._tables: dict[float, np.ndarray] = {}
-
-    def first_row(self, b: float) -> int:
-        """Where the table of b begins; it is made when first asked for."""
-        if b not in self._tables:
-            self._tables[b] = kernels.build_flight_table(b)
-        return list(self._tables).index(b) * (law.TABLE_LAST + 1)
-
-    def rows(self) -> np.ndarray:
-        """All tables, (n, 2) float32."""
-        return np.concatenate([np.empty((0, 2), dtype=np.float32), *self._tables.values()])
+fit_flight = cache(kernels.fit_flight)
 
 
-def build_device_law(line: LineLaw, reciprocal: bool, tables: FlightTables) -> Any:
+def build_device_law(line: LineLaw, reciprocal: bool) -> Any:
     """The device's view of a line law.
 
     Args:
         line: what to describe.
         reciprocal: True for Tmm and Tms from medium vertices, False for the renewal transport.
-        tables: where its flight table is found or put.
     """
     result = law.Law()
     result.b = line.b
@@ -175,7 +159,10 @@ def build_device_law(line: LineLaw, reciprocal: bool, tables: FlightTables) -> A
     result.ln_kappa = math.log(line.kappa)
     result.rate = 1.0
     if line.kind == "fractional":
-        result.table = tables.first_row(line.b)
+        fit = fit_flight(line.b)
+        result.fit_offset = math.log(line.kappa) + math.log((1 - line.b) / 2)
+        result.fit_bend, result.fit_scale = fit.bend, fit.scale
+        result.fit = law.Fit(*fit.coefficients)
     return result
 
 
@@ -192,9 +179,9 @@ def build_device_meshes(shapes: Sequence[Shape], containers: Sequence[Shape], de
     return result
 
 
-def _medium(index: int, item: Medium, tables: FlightTables) -> Any:
+def _medium(index: int, item: Medium) -> Any:
     reciprocal = item.resolved_transport == "reciprocal"
-    channels = [build_device_law(line, reciprocal, tables) for line in item.channel_laws]
+    channels = [build_device_law(line, reciprocal) for line in item.channel_laws]
     result = medium.Medium()
     result.index = index
     result.extinction = wp.vec3(*(max(line.mean_extinction, EXTINCTION_FLOOR) for line in item.channel_laws))

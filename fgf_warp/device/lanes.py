@@ -66,9 +66,7 @@ class Path:
     medium: int
     """That the path flies in, or -1."""
     flight: float
-    """Distance to the next scattering event, were the medium unbounded; before that, the exponent E."""
-    ln_ratio: float
-    """ln(u/E) of the flight; before that, its place in the flight table."""
+    """Distance to the next scattering event, were the medium unbounded."""
     hit: Hit
     t_in: float
     t_out: float
@@ -109,8 +107,6 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"crossed": 1, "slack": 1}
     if features.lone_law == "":
         sizes |= {"segment": 1, "keeps": 1, "asymmetry": 1}
-    if features.lone_law == "fractional":
-        sizes |= {"ln_ratio": 1}
     if features.surfaces or features.connections:
         sizes |= {"met": 3}
     if features.surfaces or features.lone_law == "":
@@ -294,8 +290,6 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.segment = get(lanes, wp.static(at["segment"]), i)
             path.keeps = get_int(lanes, wp.static(at["keeps"]), i)
             path.asymmetry = get(lanes, wp.static(at["asymmetry"]), i)
-        if wp.static("ln_ratio" in at):
-            path.ln_ratio = get(lanes, wp.static(at["ln_ratio"]), i)
         if wp.static("met" in at):
             path.met = get3(lanes, wp.static(at["met"]), i)
         if wp.static("albedo" in at):
@@ -366,8 +360,6 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put(lanes, wp.static(at["segment"]), i, path.segment)
             put_int(lanes, wp.static(at["keeps"]), i, path.keeps)
             put(lanes, wp.static(at["asymmetry"]), i, path.asymmetry)
-        if wp.static("ln_ratio" in at):
-            put(lanes, wp.static(at["ln_ratio"]), i, path.ln_ratio)
         if wp.static("met" in at):
             put3(lanes, wp.static(at["met"]), i, path.met)
         if wp.static("albedo" in at):

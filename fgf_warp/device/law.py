@@ -18,15 +18,14 @@ FRACTIONAL = wp.constant(2)
 ESCAPED = wp.constant(1.0e30)
 """Saturated flight, beyond every scene."""
 LN_LARGEST = wp.constant(84.0)
-"""exp of it times any -ln xi is still finite in float32, and beyond ESCAPED for all but the shortest."""
+"""exp of it is still finite in float32, and beyond ESCAPED."""
 LARGE_LN_Y = wp.constant(16.0)
 """Above it 1 + y = y in float32, and y need not be formed."""
 TINY_U = wp.constant(1.0e-37)
 
-TABLE_MIN = wp.constant(-16.0)
-TABLE_STEPS_PER_UNIT = wp.constant(16.0)
-TABLE_LAST = wp.constant(896)
-"""Layout of `theory.kernels.build_flight_table`; `tests/contracts` holds both together."""
+FIT_DEGREE = wp.constant(13)
+FIT_PAIRS = wp.constant(6)
+Fit = wp.types.vector(length=14, dtype=wp.float32)
 
 
 @wp.struct
@@ -41,8 +40,12 @@ class Law:
     """-Tr'(0) of the exponential kind."""
     reciprocal: int
     """1: flights between medium vertices are Tmm and connections Tms; 0 (renewal): Tsm and Tss."""
-    table: int
-    """First row of the medium's flight table; used by the fractional kind."""
+    fit_offset: float
+    """ln(kappa (1-b) / 2)."""
+    fit_bend: float
+    fit_scale: float
+    fit: Fit
+    """Of `theory.kernels.fit_flight`; these are used by the fractional kind."""
 
 
 @wp.func(inline=True)
@@ -160,28 +163,32 @@ def flight_density(law: Law, u: float, from_medium: bool) -> float:
 
 
 @wp.func(inline=True)
-def table_place(law: Law, exponent: float) -> float:
-    """Where in the flight table of the law the exponent E falls: row and fraction, within the table."""
-    q = law.ln_kappa + law.b * log_positive(wp.max(exponent, TINY_U))
-    return wp.clamp((q - TABLE_MIN) * TABLE_STEPS_PER_UNIT, 0.0, float(TABLE_LAST) - 0.001)
+def ln_flight(law: Law, exponent: float) -> float:
+    """ln u of Tsm from E > 0; absolute error below 1.2e-4."""
+    ln_exponent = log_positive(wp.max(exponent, TINY_U))
+    guess = log_positive(1.0 + exp_bounded(law.fit_offset + law.b * ln_exponent))
+    t = wp.min(law.fit_scale * guess / (guess + law.fit_bend) - 1.0, 1.0)
+    # The even and the odd powers apart: two short chains instead of a long one.
+    t2 = t * t
+    even = law.fit[FIT_DEGREE - 1]
+    odd = law.fit[FIT_DEGREE]
+    for k in range(FIT_PAIRS):
+        even = even * t2 + law.fit[FIT_DEGREE - 3 - 2 * k]
+        odd = odd * t2 + law.fit[FIT_DEGREE - 2 - 2 * k]
+    return ln_exponent + (even + t * odd) * guess
 
 
 @wp.func(inline=True)
-def read_table(law: Law, tables: wp.array(dtype=wp.vec2), place: float) -> float:
-    """ln(u/E) at a place of the flight table: the chord, and a bend from how far the end slopes are from it."""
-    row = int(place)
-    t = place - float(row)
-    left = tables[law.table + row]
-    right = tables[law.table + row + 1]
-    chord = right[0] - left[0]
-    bend = (left[1] - chord) * (1.0 - t) - (right[1] - chord) * t
-    return left[0] + t * chord + t * (1.0 - t) * bend
+def ln_decorrelation(law: Law, xi2: float, xi3: float) -> float:
+    """ln u of a variate whose survival is f': the smaller of it and one of Tsm is distributed as Tmm."""
+    r = wp.where(xi3 < law.b, 1.0, wp.max((xi3 - law.b) / wp.max(1.0 - law.b, 1.0e-6), 1.0e-10))
+    return (log_positive((1.0 - xi2) / (xi2 * r)) - law.ln_kappa) / law.b
 
 
 @wp.func(inline=True)
-def fly_fractional(exponent: float, ln_ratio: float) -> float:
-    """u from E and ln(u/E), at most ESCAPED."""
-    return wp.min(exponent * exp_bounded(wp.min(ln_ratio, LN_LARGEST)), ESCAPED)
+def flight_of_ln(ln_u: float) -> float:
+    """u, at most ESCAPED, and 0 below the least that is a normal float32."""
+    return wp.min(exp_or_zero(wp.min(ln_u, LN_LARGEST)), ESCAPED)
 
 
 @wp.func(inline=True)
@@ -192,35 +199,21 @@ def fly_power(law: Law, exponent: float, remembers: bool) -> float:
 
 
 @wp.func(inline=True)
-def shorten_fractional(law: Law, first: float, xi2: float, xi3: float) -> float:
-    """u of Tmm from u of Tsm: the smaller of it and a second variate, whose survival is f'."""
-    r = wp.where(xi3 < law.b, 1.0, wp.max((xi3 - law.b) / wp.max(1.0 - law.b, 1.0e-6), 1.0e-10))
-    ln_second = (log_positive((1.0 - xi2) / (xi2 * r)) - law.ln_kappa) / law.b
-    return wp.min(first, wp.where(ln_second < -87.0, 0.0, exp_bounded(wp.min(ln_second, LN_LARGEST))))
-
-
-@wp.func(inline=True)
-def flight_from_exponent(law: Law, tables: wp.array(dtype=wp.vec2), exponent: float) -> float:
-    """The u with f(u) = E > 0, at most ESCAPED; relative error below 1e-4 and mostly 1e-6."""
+def sample_sm(law: Law, xi: float) -> float:
+    """u distributed as Tsm; relative error below 1.2e-4 and mostly 1e-5."""
+    exponent = -log_positive(xi)
     if law.kind == EXPONENTIAL:
         return wp.min(exponent / law.rate, ESCAPED)
     if law.kind == POWER:
         return fly_power(law, exponent, False)
-    return fly_fractional(exponent, read_table(law, tables, table_place(law, exponent)))
+    return flight_of_ln(ln_flight(law, exponent))
 
 
 @wp.func(inline=True)
-def sample_sm(law: Law, tables: wp.array(dtype=wp.vec2), xi: float) -> float:
-    """u distributed as Tsm."""
-    return flight_from_exponent(law, tables, -log_positive(xi))
-
-
-@wp.func(inline=True)
-def sample_mm(law: Law, tables: wp.array(dtype=wp.vec2), xi: float, xi2: float, xi3: float) -> float:
+def sample_mm(law: Law, xi: float, xi2: float, xi3: float) -> float:
     """u distributed as Tmm, 0 <= b <= 1; xi2 and xi3 matter to the fractional kind alone."""
     if law.kind == POWER:
         return fly_power(law, -log_positive(xi), True)
-    first = sample_sm(law, tables, xi)
     if law.kind == EXPONENTIAL:
-        return first
-    return shorten_fractional(law, first, xi2, xi3)
+        return sample_sm(law, xi)
+    return flight_of_ln(wp.min(ln_flight(law, -log_positive(xi)), ln_decorrelation(law, xi2, xi3)))

@@ -7,13 +7,37 @@ the line law: Guo et al. 2019, supplement, equation (4).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 SERIES_TERMS = 20
 """Of the series in z = y / (2 + y) <= 1/3: (1/9)^20 is below double precision."""
-TABLE_MIN, TABLE_MAX, TABLE_STEP = -16.0, 40.0, 1.0 / 16.0
-"""Range and step of the flight table's argument q; outside of it u = E to 6e-8, or q cannot occur."""
+FIT_DEGREE = 13
+FIT_NODES = 200
+FIT_LARGEST_Q = 40.0
+"""Of q = ln kappa + b ln E, with kappa up to 1e8 and E from 6e-8 to 23."""
+FIT_LARGEST_S = 90.5
+"""Where ln(u/E) = 86: farther flights have escaped in float32."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlightFit:
+    """ln(u/E) of flights of Tsm as a function of q = ln kappa + b ln E, for one b.
+
+    With L = ln(1 + (1-b)/2 exp(q)) it is L times a polynomial in t = scale L / (L + bend) - 1, from -1 to 1.
+
+    Args:
+        bend: of the variable.
+        scale: of the variable.
+        coefficients: (14,) float64, from the constant on.
+    """
+
+    bend: float
+    scale: float
+    coefficients: np.ndarray
 
 
 def log1p_ratio(y: ArrayLike) -> np.ndarray:
@@ -132,14 +156,23 @@ def flight_log_ratio(b: ArrayLike, q: ArrayLike) -> tuple[np.ndarray, np.ndarray
     return h, growth / (1 + a * growth)
 
 
-def build_flight_table(b: float) -> np.ndarray:
-    """(n, 2) float32: ln(u/E) and its slope per step at q = TABLE_MIN + i TABLE_STEP, for cubic Hermite interpolation.
+def fit_flight(b: float) -> FlightFit:
+    """The fit for one b < 1, b != 0: accurate to 1e-4 absolute, and for b <= 0.95 to 4e-5.
 
-    The map depends on b alone, so one table serves every kappa, S_w and sigma_m.
+    L is the first guess of section 6 of the theory for the s of `flight_log_ratio`; the ratio of both is smooth, and
+    in L / (L + bend) it is nearly a polynomial. Least squares at Chebyshev nodes.
     """
-    q = np.arange(TABLE_MIN, TABLE_MAX + TABLE_STEP / 2, TABLE_STEP)
-    value, slope = flight_log_ratio(b, q)
-    return np.stack([value, slope * TABLE_STEP], axis=1).astype(np.float32)
+    a = 1 - b
+    bend = min(7.0, 12 * a)
+    largest_h = _log_expm1_ratio(np.array(FIT_LARGEST_S))[0]
+    largest_l = np.logaddexp(0, np.log(a / 2) + min(np.log(FIT_LARGEST_S) + a * largest_h, FIT_LARGEST_Q))
+    scale = float(2 * (largest_l + bend) / largest_l)
+    t = chebyshev.chebpts1(FIT_NODES)
+    x = (t + 1) / scale
+    guess = bend * x / (1 - x)
+    ratio = flight_log_ratio(b, np.log(np.expm1(guess)) - np.log(a / 2))[0] / guess
+    fitted = chebyshev.chebfit(t, ratio, FIT_DEGREE, w=np.maximum(guess, 0.01))
+    return FlightFit(bend, scale, chebyshev.cheb2poly(fitted))
 
 
 def mean_free_path(b: float, kappa: float) -> float:

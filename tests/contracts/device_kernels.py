@@ -6,11 +6,11 @@ import warp as wp
 from fgf_warp.device import bvh, law, lights, phase, rng, surfaces
 from fgf_warp.device.geometry import MISS, Hit, Start
 from fgf_warp.device.law import Law
-from fgf_warp.device.options import KERNEL_OPTIONS
+from fgf_warp.device.options import kernel_options
 from fgf_warp.theory.law import LineLaw
-from fgf_warp.upload import FlightTables, build_device_law, build_device_meshes
+from fgf_warp.upload import build_device_law, build_device_meshes
 
-wp.set_module_options(KERNEL_OPTIONS)
+wp.set_module_options(kernel_options(meshes=True))
 
 
 @wp.kernel
@@ -47,15 +47,14 @@ def eval_ratio_kernel(y: wp.array(dtype=float), out: wp.array2d(dtype=float)):
 @wp.kernel
 def sample_law_kernel(
     laws: wp.array(dtype=Law),
-    tables: wp.array(dtype=wp.vec2),
     xi: wp.array(dtype=wp.vec3),
     out: wp.array2d(dtype=float),
 ):
     i = wp.tid()
     one = laws[i % laws.shape[0]]
-    out[0, i] = law.sample_sm(one, tables, xi[i][0])
+    out[0, i] = law.sample_sm(one, xi[i][0])
     if one.b >= 0.0:
-        out[1, i] = law.sample_mm(one, tables, xi[i][0], xi[i][1], xi[i][2])
+        out[1, i] = law.sample_mm(one, xi[i][0], xi[i][1], xi[i][2])
 
 
 @wp.kernel
@@ -125,19 +124,17 @@ def lattice_kernel(seed: wp.uint64, bounce: int, purpose: int, out: wp.array2d(d
 
 
 def device_laws(pairs, *, reciprocal: bool = True):
-    """The device's laws of (b, kappa) pairs, and their flight tables."""
-    tables = FlightTables()
+    """The device's laws of (b, kappa) pairs."""
     made = [
-        build_device_law(LineLaw("pink", float(b), float(kappa), (b - 1) / 2, 1.0, None), reciprocal, tables)
+        build_device_law(LineLaw("pink", float(b), float(kappa), (b - 1) / 2, 1.0, None), reciprocal)
         for b, kappa in pairs
     ]
-    rows = tables.rows() if tables.rows().size else np.zeros((1, 2), dtype=np.float32)
-    return wp.array(made, dtype=Law, device="cpu"), wp.array(rows, dtype=wp.vec2, device="cpu")
+    return wp.array(made, dtype=Law, device="cpu")
 
 
 def eval_law(pairs, u) -> dict[str, np.ndarray]:
     """Every function of the law at (b, kappa, u) triples."""
-    laws, _ = device_laws(pairs)
+    laws = device_laws(pairs)
     out = wp.full((len(LAW_FUNCTIONS), len(u)), np.nan, dtype=float, device="cpu")
     wp.launch(eval_law_kernel, dim=len(u), inputs=[laws, _floats(u)], outputs=[out], device="cpu")
     return dict(zip(LAW_FUNCTIONS, out.numpy(), strict=True))
@@ -152,12 +149,12 @@ def eval_ratios(y) -> tuple[np.ndarray, np.ndarray]:
 
 def sample_law(pairs, xi) -> np.ndarray:
     """(2, n): sample_sm and sample_mm; law i mod len(pairs) takes the uniforms of row i, (n, 3)."""
-    laws, tables = device_laws(pairs)
+    laws = device_laws(pairs)
     out = wp.full((2, len(xi)), np.nan, dtype=float, device="cpu")
     wp.launch(
         sample_law_kernel,
         dim=len(xi),
-        inputs=[laws, tables, wp.array(np.asarray(xi, dtype=np.float32), dtype=wp.vec3, device="cpu")],
+        inputs=[laws, wp.array(np.asarray(xi, dtype=np.float32), dtype=wp.vec3, device="cpu")],
         outputs=[out],
         device="cpu",
     )

@@ -19,14 +19,14 @@ def measure(scene):
     samples = 512
     while True:
         step(model, state, samples)
-        result = develop(model, state, 1.0)
+        result = develop(model, state)
         means = np.array([stats.image_mean(result, channel) for channel in (0, 1)])
         worst = (means[:, 1] / means[:, 0]).max()
         if worst <= RELATIVE_ERROR:
             assert result.truncated_count == 0
             return means
         # As many more as the error asks for, and a little over.
-        samples = int(state.samples * min(8.0, 1.1 * (worst / RELATIVE_ERROR) ** 2 - 1)) + 64
+        samples = int(state.samples[0] * min(8.0, 1.1 * (worst / RELATIVE_ERROR) ** 2 - 1)) + 64
 
 
 def check_rows(rows, transport):
