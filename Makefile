@@ -11,7 +11,7 @@ test: lint
 	$(BIN)/python -m pytest
 
 test-slow: install
-	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest -m 'slow or measure'
 
 # Against Mitsuba 3, on a quiet machine: 10 to 15 minutes. It says so where it finds no LLVM of version 16 or newer.
 bench: .venv/installed-bench

@@ -2,6 +2,9 @@
 
 import warp as wp
 
+# Its loops over bins and children are short; unrolled they take seven times as long to compile.
+wp.set_module_options({"enable_backward": False, "max_unroll": 2})
+
 WIDTH = wp.constant(16)
 """Children of a node, at most."""
 LEAF = wp.constant(8)
@@ -107,7 +110,7 @@ def split(
     return left - first
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel
 def split_ranges(
     lo: wp.array(dtype=wp.vec3),
     hi: wp.array(dtype=wp.vec3),
@@ -181,7 +184,7 @@ def choose_cuts(
                     cuts[one, s] = 0
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel
 def open_nodes(
     lo: wp.array(dtype=wp.vec3),
     hi: wp.array(dtype=wp.vec3),

@@ -20,31 +20,31 @@ class RenderFeatures:
     """The categories that one kernel is built for.
 
     Args:
-        solids: spheres, cubes or cylinders, as surfaces or boundaries.
+        solids: which of ``sphere``, ``cube`` and ``cylinder`` there are, as surfaces or boundaries.
         meshes: triangle meshes, as surfaces or boundaries.
         surfaces: anything with a surface.
-        shaped_lights: rect, disk or sphere lights, which rays can meet.
+        shaped_lights: which of ``rect``, ``disk`` and ``sphere`` lights there are: those that rays can meet.
         distant_lights: distant lights, with an extent or without.
         environment: a dome. Being uniform it is met by scattered rays and not connected to.
         media: shapes filled with a medium.
         lone_law: the law, ``exponential``, ``power`` or ``fractional``, of the only medium, where one shape is filled
             with a medium and the channels do not differ; otherwise empty, and laws are looked up.
-        lone_solid: that one shape is a sphere, cube or cylinder: a ray is in it between two distances, and crosses no
-            boundaries one by one.
+        lone_solid: what that one shape is, ``sphere``, ``cube`` or ``cylinder``: a ray is in it between two distances,
+            and crosses no boundaries one by one; otherwise empty.
         chromatic: a medium whose channels differ in extinction.
         aovs: the further planes that need work in the kernel.
         sampler: where random numbers come from.
     """
 
-    solids: bool
+    solids: frozenset[str]
     meshes: bool
     surfaces: bool
-    shaped_lights: bool
+    shaped_lights: frozenset[str]
     distant_lights: bool
     environment: bool
     media: bool
     lone_law: str
-    lone_solid: bool
+    lone_solid: str
     chromatic: bool
     aovs: frozenset[Aov]
     sampler: Sampler
@@ -52,7 +52,7 @@ class RenderFeatures:
     @property
     def connections(self) -> bool:
         """True where paths connect to lights (next-event estimation)."""
-        return self.shaped_lights or self.distant_lights
+        return bool(self.shaped_lights) or self.distant_lights
 
     @property
     def crossings(self) -> bool:
@@ -81,15 +81,19 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
     media = [scene.media[shape.medium] for shape in filled if shape.medium is not None]
     lone_law = media[0].line_law.kind if len(media) == 1 and not media[0].is_chromatic else ""
     return RenderFeatures(
-        solids=any(isinstance(shape, Solid) for shape in scene.shapes),
+        solids=frozenset(shape.kind for shape in scene.shapes if isinstance(shape, Solid)),
         meshes=any(isinstance(shape, Mesh) for shape in scene.shapes),
         surfaces=any(shape.surface is not None for shape in scene.shapes),
-        shaped_lights=any(isinstance(light, AreaLight | SphereLight) for light in scene.lights),
+        shaped_lights=frozenset(
+            light.shape if isinstance(light, AreaLight) else "sphere"
+            for light in scene.lights
+            if isinstance(light, AreaLight | SphereLight)
+        ),
         distant_lights=any(isinstance(light, DistantLight) for light in scene.lights),
         environment=any(isinstance(light, DomeLight) for light in scene.lights),
         media=bool(media),
         lone_law=lone_law,
-        lone_solid=lone_law != "" and isinstance(filled[0], Solid),
+        lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) else "",
         chromatic=any(medium.is_chromatic for medium in media),
         aovs=settings.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO},
         sampler=settings.sampler,
@@ -100,7 +104,13 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
     """What the kernel of a scene is built for and why, part by part."""
     features = required_features(scene, settings)
     filled = [shape for shape in scene.shapes if shape.medium is not None]
-    chromatic = [medium.name for medium in scene.media if medium.is_chromatic]
+    chromatic = sorted(
+        {
+            medium.name
+            for medium in (scene.media[s.medium] for s in filled if s.medium is not None)
+            if medium.is_chromatic
+        }
+    )
 
     def named(kinds: type | UnionType) -> list[str]:
         return [item.name for item in (*scene.shapes, *scene.lights) if isinstance(item, kinds)]
@@ -110,17 +120,17 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
     elif chromatic:
         law_why = f"the channels of {_listed(chromatic)} differ in extinction"
     else:
-        law_why = f"{len(filled)} shapes are filled with media" if filled else "no shape is filled with a medium"
+        law_why = f"{_named_all(filled)} are filled with media" if filled else "no shape is filled with a medium"
     lights = named(AreaLight | SphereLight | DistantLight)
     return (
-        Reason("spheres, cubes, cylinders", features.solids, _why(named(Solid))),
+        Reason("spheres, cubes, cylinders", bool(features.solids), _why(named(Solid))),
         Reason("meshes", features.meshes, _why(named(Mesh))),
         Reason("surfaces", features.surfaces, _why([s.name for s in scene.shapes if s.surface is not None])),
         Reason("media", features.media, _why([shape.name for shape in filled])),
         Reason(f"one law for all flights: {features.lone_law}".removesuffix(": "), bool(features.lone_law), law_why),
         Reason(
             "one chord through the medium",
-            features.lone_solid,
+            bool(features.lone_solid),
             f"{_named_all(filled)} is a convex solid, and nothing else is filled"
             if features.lone_solid
             else "boundaries are crossed one by one"
@@ -129,7 +139,7 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
         ),
         Reason("channels of their own extinction", features.chromatic, _why(chromatic)),
         Reason("connections to lights", features.connections, _why(lights)),
-        Reason("lights with a shape", features.shaped_lights, _why(named(AreaLight | SphereLight))),
+        Reason("lights with a shape", bool(features.shaped_lights), _why(named(AreaLight | SphereLight))),
         Reason("distant lights", features.distant_lights, _why(named(DistantLight))),
         Reason("environment", features.environment, _why(named(DomeLight))),
         *(

@@ -23,11 +23,13 @@ from fgf_warp.device.camera import Camera, camera_direction
 from fgf_warp.device.film import Film, Sample, Tally, add_sample
 from fgf_warp.device.geometry import (
     BOUNDARY,
+    CUBE,
+    CYLINDER,
     LIGHT,
     MARGIN,
     MISS,
     OFFSET,
-    SOLID_KINDS,
+    SPHERE,
     SURFACE,
     Hit,
     Solid,
@@ -59,9 +61,10 @@ from fgf_warp.device.law import (
     segment_transmittance,
 )
 from fgf_warp.device.lights import (
+    DISK,
     DISTANT,
-    LIGHT_KINDS,
     RECT,
+    SPHERE_LIGHT,
     Light,
     LightSample,
     cone_pdf,
@@ -184,17 +187,24 @@ def law_of_channel(medium: Medium, channel: int) -> Law:
     return medium.law_blue
 
 
-LAW_KINDS = {"exponential": EXPONENTIAL, "power": POWER, "fractional": FRACTIONAL}
+LAW_KINDS = {"exponential": int(EXPONENTIAL), "power": int(POWER), "fractional": int(FRACTIONAL)}
+SOLID_KINDS = {"sphere": int(SPHERE), "cube": int(CUBE), "cylinder": int(CYLINDER)}
+LIGHT_KINDS = {"distant": int(DISTANT), "rect": int(RECT), "disk": int(DISK), "sphere": int(SPHERE_LIGHT)}
+"""What the device calls them."""
 
 
 @cache
 def build_program(features: RenderFeatures) -> Program:
     """The kernels that render scenes of these features; compiled when they are first loaded on a device."""
     sees_first_segment = bool(features.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE})
-    has_surfaces, has_lights = features.surfaces, features.shaped_lights
+    has_surfaces, has_lights, has_solids = features.surfaces, bool(features.shaped_lights), bool(features.solids)
+    solid_kinds = {SOLID_KINDS[kind] for kind in features.solids}
+    shaped_kinds = {LIGHT_KINDS[kind] for kind in features.shaped_lights}
+    light_kinds = shaped_kinds | ({int(DISTANT)} if features.distant_lights else set())
     meets_emitters = has_surfaces or features.connections
     # One medium of one law is the same for all lanes; anything else is looked up lane by lane.
-    lone_law, lone_solid, has_crossings = features.lone_law, features.lone_solid, features.crossings
+    lone_law, lone_solid, has_crossings = features.lone_law, bool(features.lone_solid), features.crossings
+    lone_kind = SOLID_KINDS.get(features.lone_solid, 0)
     is_lattice = features.sampler == "lattice"
     draw = draw_lattice if is_lattice else draw_independent
     draw_more = draw_more_lattice if is_lattice else draw_more_independent
@@ -360,7 +370,7 @@ def build_program(features: RenderFeatures) -> Program:
         hit = Hit()
         hit.t = t_max
         hit.kind = MISS
-        if wp.static(features.solids):
+        if wp.static(has_solids):
             hit = intersect_solids(scene.solids, origin, direction, start, hit)
         if wp.static(features.meshes):
             hit = intersect_meshes(scene.meshes, origin, direction, start, hit)
@@ -805,7 +815,7 @@ def build_program(features: RenderFeatures) -> Program:
         medium = Medium()
         if wp.static(lone_law != ""):
             medium = scene.media[scene.first_medium + scene.containers[0].medium]
-            medium.law.kind = wp.static(int(LAW_KINDS[lone_law]))
+            medium.law.kind = wp.static(LAW_KINDS[lone_law])
         return medium
 
     connects_in_lanes = features.connections and not has_crossings
@@ -821,7 +831,7 @@ def build_program(features: RenderFeatures) -> Program:
             solid = scene.solids[scene.lone_solid]
             path = look_at_lone_solid(path, solid, solid.kind)
         path = open_eyes(path)
-        if wp.static(features.solids):
+        if wp.static(has_solids):
             for s in range(scene.solids.shape[0]):
                 solid = scene.solids[s]
                 if solid.surface >= 0:
@@ -968,28 +978,28 @@ def build_program(features: RenderFeatures) -> Program:
                     store(lanes, i, path)
 
             if wp.static(lone_solid):
-                for kind in range(SOLID_KINDS):
-                    if lone_shape.kind == kind:
-                        for i in range(LANES):
-                            path = load(lanes, i)
-                            store(lanes, i, open_eyes(look_at_lone_solid(path, lone_shape, kind)))
-            if wp.static(features.solids and (has_crossings or has_surfaces)):
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    store(lanes, i, open_eyes(look_at_lone_solid(path, lone_shape, wp.static(lone_kind))))
+            if wp.static(has_solids and (has_crossings or has_surfaces)):
                 for s in range(scene.solids.shape[0]):
                     solid = scene.solids[s]
                     if wp.static(has_crossings):
-                        for kind in range(SOLID_KINDS):
-                            if solid.surface < 0 and solid.kind == kind:
-                                for i in range(LANES):
-                                    path = load(lanes, i)
-                                    store(lanes, i, look_at_boundary(path, solid, kind))
+                        for kind in range(wp.static(len(SOLID_KINDS))):
+                            if wp.static(kind in solid_kinds):
+                                if solid.surface < 0 and solid.kind == kind:
+                                    for i in range(LANES):
+                                        path = load(lanes, i)
+                                        store(lanes, i, look_at_boundary(path, solid, kind))
                     if wp.static(has_surfaces):
                         if solid.surface >= 0:
                             surface = scene.surfaces[solid.surface]
-                            for kind in range(SOLID_KINDS):
-                                if solid.kind == kind:
-                                    for i in range(LANES):
-                                        path = load(lanes, i)
-                                        store(lanes, i, look_at_surface(path, solid, kind, surface))
+                            for kind in range(wp.static(len(SOLID_KINDS))):
+                                if wp.static(kind in solid_kinds):
+                                    if solid.kind == kind:
+                                        for i in range(LANES):
+                                            path = load(lanes, i)
+                                            store(lanes, i, look_at_surface(path, solid, kind, surface))
             if wp.static(features.meshes):
                 for i in range(LANES):
                     path = load(lanes, i)
@@ -999,11 +1009,12 @@ def build_program(features: RenderFeatures) -> Program:
                 for k in range(light_count):
                     light = scene.lights[k]
                     if wp.static(has_lights):
-                        for kind in range(RECT, LIGHT_KINDS):
-                            if light.kind == kind:
-                                for i in range(LANES):
-                                    path = load(lanes, i)
-                                    store(lanes, i, look_at_light(path, light, kind, k, float(light_count)))
+                        for kind in range(wp.static(len(LIGHT_KINDS))):
+                            if wp.static(kind in shaped_kinds):
+                                if light.kind == kind:
+                                    for i in range(LANES):
+                                        path = load(lanes, i)
+                                        store(lanes, i, look_at_light(path, light, kind, k, float(light_count)))
                 if wp.static(features.distant_lights):
                     for k in range(light_count):
                         light = scene.lights[k]
@@ -1032,38 +1043,39 @@ def build_program(features: RenderFeatures) -> Program:
             if wp.static(connects_in_lanes):
                 for k in range(light_count):
                     light = scene.lights[k]
-                    for kind in range(LIGHT_KINDS):
-                        if light.kind == kind:
-                            for i in range(LANES):
-                                path = load(lanes, i)
-                                store(lanes, i, aim_at_light(path, lone, seed, light, kind, k, light_count))
-                if wp.static(has_surfaces and features.solids):
-                    for s in range(scene.solids.shape[0]):
-                        solid = scene.solids[s]
-                        for kind in range(SOLID_KINDS):
-                            if solid.surface >= 0 and solid.kind == kind:
-                                for i in range(LANES):
-                                    path = load(lanes, i)
-                                    store(lanes, i, block_by_surface(path, solid, kind))
-                if wp.static(has_lights):
-                    for k in range(light_count):
-                        light = scene.lights[k]
-                        for kind in range(RECT, LIGHT_KINDS):
+                    for kind in range(wp.static(len(LIGHT_KINDS))):
+                        if wp.static(kind in light_kinds):
                             if light.kind == kind:
                                 for i in range(LANES):
                                     path = load(lanes, i)
-                                    store(lanes, i, block_by_light(path, light, kind))
+                                    store(lanes, i, aim_at_light(path, lone, seed, light, kind, k, light_count))
+                if wp.static(has_surfaces and has_solids):
+                    for s in range(scene.solids.shape[0]):
+                        solid = scene.solids[s]
+                        for kind in range(wp.static(len(SOLID_KINDS))):
+                            if wp.static(kind in solid_kinds):
+                                if solid.surface >= 0 and solid.kind == kind:
+                                    for i in range(LANES):
+                                        path = load(lanes, i)
+                                        store(lanes, i, block_by_surface(path, solid, kind))
+                if wp.static(has_lights):
+                    for k in range(light_count):
+                        light = scene.lights[k]
+                        for kind in range(wp.static(len(LIGHT_KINDS))):
+                            if wp.static(kind in shaped_kinds):
+                                if light.kind == kind:
+                                    for i in range(LANES):
+                                        path = load(lanes, i)
+                                        store(lanes, i, block_by_light(path, light, kind))
                 if wp.static(features.meshes):
                     for i in range(LANES):
                         path = load(lanes, i)
                         if max_component(path.light_share) > 0.0:
                             store(lanes, i, block_by_meshes(scene, path))
                 if wp.static(lone_solid):
-                    for kind in range(SOLID_KINDS):
-                        if lone_shape.kind == kind:
-                            for i in range(LANES):
-                                path = load(lanes, i)
-                                store(lanes, i, dim_by_lone_solid(path, lone, lone_shape, kind))
+                    for i in range(LANES):
+                        path = load(lanes, i)
+                        store(lanes, i, dim_by_lone_solid(path, lone, lone_shape, wp.static(lone_kind)))
             if wp.static(features.connections):
                 for i in range(LANES):
                     path = load(lanes, i)

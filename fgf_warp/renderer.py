@@ -137,7 +137,7 @@ def build_model(scene: Scene, settings: RenderSettings, variants: Sequence[Varia
         UnsupportedFeatureError: for a scene that this version cannot render.
     """
     images = tuple(variants) if variants is not None else (Variant(scene.media, settings.seed),)
-    _check_memory(settings, len(images))
+    check_memory(settings, len(images))
     program = prepare(scene.with_media(images[0].media), settings)
     uploaded = upload(scene, settings, [image.media for image in images], [image.seed for image in images])
     return Model(scene, settings, images, program, uploaded)
@@ -155,7 +155,7 @@ def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings)
         ConfigError: where the memory does not hold a single image, or for a device that is not there.
         UnsupportedFeatureError: for a scene that this version cannot render.
     """
-    _check_memory(settings, 1)
+    check_memory(settings)
     at_once = int(settings.memory * GIB // image_bytes(settings))
     for _, group in groupby(variants, lambda variant: required_features(scene.with_media(variant.media), settings)):
         images = list(group)
@@ -170,7 +170,12 @@ def image_bytes(settings: RenderSettings) -> int:
     return settings.width * settings.height * (film + DEVELOPING_BYTES)
 
 
-def _check_memory(settings: RenderSettings, images: int) -> None:
+def check_memory(settings: RenderSettings, images: int = 1) -> None:
+    """Checks that `settings.memory` holds these images.
+
+    Raises:
+        ConfigError: naming what they need.
+    """
     needed = images * image_bytes(settings) / GIB
     if needed > settings.memory:
         size = f"{settings.width} x {settings.height} pixels"
@@ -257,9 +262,14 @@ def render_batch(
         NumericalError: where a sample was not finite.
     """
     for model in batches(scene, variants, settings):
-        state = begin(model)
-        for image in advance(model, state, settings.spp, progress):
-            yield develop(model, state, image)
+        # In a function, so that the films of a batch are gone before the next are made.
+        yield from _render_batch(model, progress)
+
+
+def _render_batch(model: Model, progress: Progress | None) -> Iterator[RenderResult]:
+    state = begin(model)
+    for image in advance(model, state, model.settings.spp, progress):
+        yield develop(model, state, image)
 
 
 def develop(model: Model, state: State, image: int = 0) -> RenderResult:

@@ -11,6 +11,8 @@ from fgf_warp.errors import ConfigError
 SEED_MAX = 2**64 - 1
 GIB = 2**30
 """Bytes of a GiB."""
+MEMORY_MAX = 2**20
+"""[GiB]."""
 
 
 class Sampler(StrEnum):
@@ -54,8 +56,8 @@ class RenderSettings:
         sampler: where random numbers come from, a `Sampler` or its name.
         device: a Warp device name, ``cpu`` or ``cuda:0``.
         threads: CPU threads of one render, >= 1; None takes every core. It never changes a pixel.
-        memory: that the images which are rendered at once may take, beside the scene [GiB], > 0. It never changes a
-            pixel.
+        memory: that the images which are rendered at once may take, beside the scene [GiB], in (0, 2^20]. It never
+            changes a pixel.
 
     Raises:
         ConfigError: naming the setting, its value and the accepted range.
@@ -87,8 +89,9 @@ class RenderSettings:
                 raise ConfigError(f"{key} = {value!r}; accepted: an integer in [{lower}, {upper}]")
         if self.threads is not None and (not _is_integer(self.threads) or self.threads < 1):
             raise ConfigError(f"threads = {self.threads!r}; accepted: an integer >= 1, or None")
-        if not isinstance(self.memory, int | float) or not self.memory > 0:
-            raise ConfigError(f"memory = {self.memory!r}; accepted: a number of GiB > 0")
+        is_number = isinstance(self.memory, int | float) and not isinstance(self.memory, bool)
+        if not is_number or not 0 < self.memory <= MEMORY_MAX:
+            raise ConfigError(f"memory = {self.memory!r}; accepted: a number of GiB > 0, at most {MEMORY_MAX}")
         if not isinstance(self.device, str):
             raise ConfigError(f"device = {self.device!r}; accepted: a name, such as 'cpu'")
         if self.sampler not in set(Sampler):

@@ -15,7 +15,7 @@ from fgf_warp.bvh import build_wide_tree
 from fgf_warp.device import bvh, geometry, law, lights, medium, surfaces
 from fgf_warp.device import camera as camera_device
 from fgf_warp.errors import UnsupportedFeatureError
-from fgf_warp.integrator import Limits, SceneData
+from fgf_warp.integrator import LAW_KINDS, LIGHT_KINDS, SOLID_KINDS, Limits, SceneData
 from fgf_warp.scene import (
     AreaLight,
     Camera,
@@ -36,8 +36,6 @@ from fgf_warp.theory.law import LineLaw
 MAX_CONTAINERS = 32
 """Shapes filled with a medium: one bit each in a path's state."""
 
-SOLID_KINDS = {"sphere": geometry.SPHERE, "cube": geometry.CUBE, "cylinder": geometry.CYLINDER}
-LAW_KINDS = {"exponential": law.EXPONENTIAL, "power": law.POWER, "fractional": law.FRACTIONAL}
 EXTINCTION_FLOOR = 1e-30
 """Stands for a vanishing extinction, whose free flights are beyond every scene."""
 
@@ -266,7 +264,7 @@ def build_device_light(light: DistantLight | AreaLight | SphereLight) -> Any:
     halves = np.array([light.half_u, light.half_v])
     normal = np.cross(*halves)
     duals = np.linalg.pinv(halves).T
-    result.kind = lights.RECT if light.shape == "rect" else lights.DISK
+    result.kind = LIGHT_KINDS[light.shape]
     result.half_u, result.half_v = wp.vec3(*halves[0]), wp.vec3(*halves[1])
     result.dual_u, result.dual_v = wp.vec3(*duals[0]), wp.vec3(*duals[1])
     result.normal = wp.vec3(*(normal / np.linalg.norm(normal)))

@@ -137,7 +137,7 @@ def render(
     from fgf_warp.output.atomic import check_writable  # noqa: PLC0415
     from fgf_warp.output.color import write_png  # noqa: PLC0415
     from fgf_warp.output.exr import write_exr  # noqa: PLC0415
-    from generators.stage import check_memory, load_scene  # noqa: PLC0415
+    from generators.stage import load_scene  # noqa: PLC0415
 
     aovs = _choose_aovs(aov)
     _check_choice("--preset", preset, PRESETS)
@@ -165,7 +165,9 @@ def render(
     for file in files:
         check_writable(file)
     _start_warp(device)
-    check_memory(base.scene, settings)
+    from fgf_warp.renderer import check_memory  # noqa: PLC0415 - starts Warp
+
+    check_memory(settings)
     _warn(base.warnings)
 
     from fgf_warp.renderer import prepare  # noqa: PLC0415

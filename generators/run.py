@@ -36,7 +36,6 @@ from generators.contact_sheet import write_contact_sheet
 from generators.lock import exclusive
 from generators.manifest import Record, exr_name, png_name, write_manifest
 from generators.plan import Plan, Sample
-from generators.stage import check_memory
 
 if TYPE_CHECKING:
     from fgf_warp.renderer import Model
@@ -106,7 +105,9 @@ def generate(
     """
     started = time.perf_counter()
     worker_count = _worker_count(plan, workers)
-    check_memory(plan.scene, plan.settings)
+    from fgf_warp.renderer import check_memory  # noqa: PLC0415 - starts Warp
+
+    check_memory(plan.settings)
     _make_folder(plan, folder)
     with exclusive(folder / LOCK):
         return _generate(plan, loaded, folder, worker_count, progress, started)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from fgf_warp.errors import ConfigError, SceneError
 from fgf_warp.scene import Camera, Scene
-from fgf_warp.settings import RenderSettings
 
 DEFAULT_WIDTH = 960
 """[pixel], of a stage without a resolution; as of usdrecord."""
@@ -88,15 +87,3 @@ def image_size(
         return resolution
     width = width or DEFAULT_WIDTH
     return width, max(1, round(width / aspect))
-
-
-def check_memory(scene: Scene, settings: RenderSettings) -> None:
-    """Finds out before a kernel is built or a folder made whether `settings.memory` holds one image.
-
-    Raises:
-        ConfigError: with the memory it needs.
-    """
-    from fgf_warp.renderer import batches  # noqa: PLC0415 - starts Warp
-
-    # Of no images there are no batches, but the check comes first.
-    next(batches(scene, (), settings), None)

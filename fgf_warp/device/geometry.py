@@ -21,7 +21,6 @@ LIGHT = wp.constant(3)
 SPHERE = wp.constant(0)
 CUBE = wp.constant(1)
 CYLINDER = wp.constant(2)
-SOLID_KINDS = wp.constant(3)
 
 MARGIN = wp.constant(1.0e-6)
 """Relative distance that a scattering event keeps from the face of a mesh ahead."""

@@ -9,7 +9,6 @@ DISTANT = wp.constant(0)
 RECT = wp.constant(1)
 DISK = wp.constant(2)
 SPHERE_LIGHT = wp.constant(3)
-LIGHT_KINDS = wp.constant(4)
 
 
 @wp.struct
