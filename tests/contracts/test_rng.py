@@ -108,7 +108,7 @@ def test_a_point_of_the_lattice_is_independent_of_other_events_and_pixels(sample
     """Without this an estimate would be biased: of each sample alone, in every pair of its numbers."""
 
     def of(bounce=1, purpose=1, seed=9):
-        return draw("lattice", seed, 2**19, sample + 1, bounce, purpose)[:, sample]
+        return draw("lattice", seed, 2**17, sample + 1, bounce, purpose)[:, sample]
 
     xi = of()
     for a, b in ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)):
