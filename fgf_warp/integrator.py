@@ -340,13 +340,14 @@ def build_program(features: RenderFeatures) -> Program:
 
     @wp.func(inline=True)
     def lone_attenuation(medium: Medium, t: float, from_medium: bool) -> float:
+        """Of a medium whose channels do not differ."""
         return segment_transmittance(medium.law, mean_optical_depth(medium.extinction[0], t), from_medium)
 
     # ---- meet: what of the scene does it find there, and does the light end here?
 
     @wp.func
     def attenuation(medium: Medium, t: float, from_medium: bool) -> wp.vec3:
-        red = segment_transmittance(medium.law, mean_optical_depth(medium.extinction[0], t), from_medium)
+        red = lone_attenuation(medium, t, from_medium)
         if wp.static(features.chromatic):
             return wp.vec3(
                 red,
@@ -855,22 +856,20 @@ def build_program(features: RenderFeatures) -> Program:
         batch: SceneData,
         limits: Limits,
         film: Film,
-        first_image: int,
         pixel_count: int,
         first_sample: int,
         sample_count: int,
     ):
-        task, pixel = wp.tid()
-        image = first_image + task
+        image, pixel = wp.tid()
         scene = scene_of_image(batch, image)
         seed = scene.seeds[image]
         lone = lone_medium(scene)
         place = image * pixel_count + pixel
         tally = read_film(film, place)
+        waiting = go_to_pixel(Path(), scene.camera.width, seed, pixel)
         for sample in range(first_sample, first_sample + sample_count):
-            path = go_to_pixel(Path(), scene.camera.width, seed, pixel)
-            path.sample = sample
-            path = emit(scene.camera, scene.camera_inside, seed, path)
+            waiting.sample = sample
+            path = emit(scene.camera, scene.camera_inside, seed, waiting)
             while path.alive == 1:
                 path = depart(path, seed)
                 if wp.static(features.media):

@@ -390,7 +390,7 @@ def _advance_cuda(model: Model, state: State, samples: int, progress: Progress |
         wp.launch(
             model.program.render_threads,
             dim=(images, pixels),
-            inputs=[*_inputs(model, state), 0, pixels, first_sample, sample_count],
+            inputs=[*_inputs(model, state), pixels, first_sample, sample_count],
             device=settings.device,
             block_dim=BLOCK_DIM,
         )
