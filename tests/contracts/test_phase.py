@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-import warp as wp
 
+from fgf_warp import probes
 from fgf_warp.theory import phase
 from tests import stats
-from tests.contracts import device_kernels
 from tests.grid import ASYMMETRIES
 
 AXIS = np.array([0.48, -0.6, 0.64])
@@ -22,10 +21,7 @@ def directions(one_minus_cos):
 
 def sample(g, n, seed=3):
     xi = np.random.default_rng(seed).random((n, 2)).astype(np.float32)
-    out = wp.zeros(n, dtype=wp.vec3, device="cpu")
-    inputs = [g, wp.vec3(*AXIS), wp.array(xi, dtype=wp.vec2, device="cpu")]
-    wp.launch(device_kernels.sample_hg_kernel, dim=n, inputs=inputs, outputs=[out], device="cpu")
-    return xi, out.numpy().astype(np.float64)
+    return xi, probes.sample_hg(g, AXIS, xi).astype(np.float64)
 
 
 def one_minus_cos_of(wi):
@@ -36,26 +32,21 @@ def one_minus_cos_of(wi):
 def test_eval_twin(g):
     g32 = float(np.float32(g))
     v = np.concatenate([[0.0], np.geomspace(1e-9, 2.0, 400)])
-    wi = directions(v)
-    out = wp.zeros(v.size, dtype=float, device="cpu")
-    inputs = [g32, wp.vec3(*AXIS), wp.array(wi.astype(np.float32), dtype=wp.vec3, device="cpu")]
-    wp.launch(device_kernels.eval_hg_kernel, dim=v.size, inputs=inputs, outputs=[out], device="cpu")
+    found = probes.eval_hg(g32, AXIS, directions(v))
     expected = phase.eval_hg(g32, v)
     # Directions are float32 themselves: beside the function's own bound, an angle off by 2e-7 moves the value.
     from_peak = v if g32 >= 0 else 2 - v
     width = (1 - abs(g32)) ** 2 + 2 * abs(g32) * from_peak
     angle_rounding = 3 * abs(g32) * np.sqrt(2 * from_peak + 1e-14) * 2e-7 / width
-    assert np.all(np.abs(out.numpy() / expected - 1) <= 1e-5 + angle_rounding)
+    assert np.all(np.abs(found / expected - 1) <= probes.HG_BOUND + angle_rounding)
 
 
 @pytest.mark.parametrize("g", [abs(g) for g in ASYMMETRIES])
 def test_sample_twin(g):
     g32 = float(np.float32(g))
     xi = np.linspace(1e-7, 1 - 6e-8, 5000).astype(np.float32)
-    out = wp.zeros(xi.size, dtype=float, device="cpu")
-    inputs = [g32, wp.array(xi, dtype=float, device="cpu")]
-    wp.launch(device_kernels.sample_hg_cosine_kernel, dim=xi.size, inputs=inputs, outputs=[out], device="cpu")
-    assert np.abs(out.numpy() / phase.sample_hg_one_minus_cos(g32, xi) - 1).max() <= 1e-6
+    found = probes.sample_hg_one_minus_cos(g32, xi)
+    assert np.abs(found / phase.sample_hg_one_minus_cos(g32, xi) - 1).max() <= probes.HG_COSINE_BOUND
 
 
 @pytest.mark.parametrize("g", ASYMMETRIES)

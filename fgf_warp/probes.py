@@ -1,0 +1,176 @@
+"""The device's law and phase functions over arrays, for whoever compares them with their float64 twins in `theory`."""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import ArrayLike
+
+from fgf_warp.device import law, phase
+from fgf_warp.device.law import Law
+from fgf_warp.device.options import kernel_options
+from fgf_warp.theory.law import LineLaw
+from fgf_warp.upload import build_device_law
+
+wp.set_module_options(kernel_options(meshes=False))
+
+LAW_BOUNDS = {
+    "line_exponent": (1e-5, 0.0),
+    "line_exponent_d1": (1e-5, 0.0),
+    "line_exponent_d2": (2e-5, 0.0),
+    "transmittance_ss": (1e-6, 1e-5),
+    "density_sm": (1e-5, 1e-5),
+    "transmittance_ms": (1e-5, 1e-5),
+    "density_mm": (2e-5, 1e-5),
+}
+"""The functions of `eval_law`, and the bounds that their docstrings state: relative error below c + d f(u)."""
+LAW_ZERO = 2e-38
+"""Values below it lose digits in float32, and count as zero."""
+FLIGHT_BOUNDS = {"sample_sm": 1.2e-4, "sample_mm": 5e-4}
+"""The functions of `sample_law`, and the bounds of their relative error."""
+FLIGHT_MEDIAN_BOUND = 1e-5
+"""Of the relative error of `sample_sm`."""
+FLIGHT_SHORTEST, FLIGHT_LONGEST = 1e-30, 1e29
+"""Flights beyond are zero or escaped in float32: legitimate, and counted rather than resolved."""
+HG_BOUND, HG_COSINE_BOUND = 1e-5, 1e-6
+"""Relative errors of `eval_hg` for exact directions, and of `sample_hg_one_minus_cos`."""
+
+
+@wp.kernel
+def _eval_law(
+    laws: wp.array(dtype=Law), which: wp.array(dtype=int), u: wp.array(dtype=float), out: wp.array2d(dtype=float)
+):
+    i = wp.tid()
+    one = laws[which[i]]
+    out[0, i] = law.line_exponent(one, u[i])
+    out[1, i] = law.line_exponent_d1(one, u[i])
+    out[2, i] = law.line_exponent_d2(one, u[i])
+    out[3, i] = law.transmittance_ss(one, u[i])
+    out[4, i] = law.density_sm(one, u[i])
+    if one.b >= 0.0:
+        out[5, i] = law.transmittance_ms(one, u[i])
+        out[6, i] = law.density_mm(one, u[i])
+
+
+@wp.kernel
+def _eval_ratios(y: wp.array(dtype=float), out: wp.array2d(dtype=float)):
+    i = wp.tid()
+    out[0, i] = law.log1p_ratio(y[i])
+    out[1, i] = law.log1p_ratio_slope(y[i])
+
+
+@wp.kernel
+def _sample_law(
+    laws: wp.array(dtype=Law), which: wp.array(dtype=int), xi: wp.array(dtype=wp.vec3), out: wp.array2d(dtype=float)
+):
+    i = wp.tid()
+    one = laws[which[i]]
+    out[0, i] = law.sample_sm(one, xi[i][0])
+    if one.b >= 0.0:
+        out[1, i] = law.sample_mm(one, xi[i][0], xi[i][1], xi[i][2])
+
+
+@wp.kernel
+def _eval_hg(g: float, w: wp.vec3, wi: wp.array(dtype=wp.vec3), out: wp.array(dtype=float)):
+    i = wp.tid()
+    out[i] = phase.eval_hg(g, w, wi[i])
+
+
+@wp.kernel
+def _sample_hg(g: float, w: wp.vec3, xi: wp.array(dtype=wp.vec2), out: wp.array(dtype=wp.vec3)):
+    i = wp.tid()
+    out[i] = phase.sample_hg(g, w, xi[i][0], xi[i][1])
+
+
+@wp.kernel
+def _sample_hg_one_minus_cos(g: float, xi: wp.array(dtype=float), out: wp.array(dtype=float)):
+    i = wp.tid()
+    out[i] = phase.sample_hg_one_minus_cos(g, xi[i])
+
+
+def eval_law(b: ArrayLike, kappa: ArrayLike, u: ArrayLike, device: str = "cpu") -> dict[str, np.ndarray]:
+    """Every function of the law.
+
+    Args:
+        b: exponents in (-0.98, 1], broadcastable with the others.
+        kappa: >= 0.
+        u: mean optical depths, >= 0.
+        device: to evaluate on.
+
+    Returns:
+        float32 arrays of the broadcast shape, by the names in `LAW_BOUNDS`; NaN where b < 0 has no such kernel.
+    """
+    b, kappa, u = np.broadcast_arrays(b, kappa, u)
+    laws, which = _device_laws(b.ravel(), kappa.ravel(), device)
+    out = wp.full((len(LAW_BOUNDS), u.size), np.nan, dtype=float, device=device)
+    wp.launch(
+        _eval_law, dim=u.size, inputs=[laws, which, _array(u.ravel(), float, device)], outputs=[out], device=device
+    )
+    return dict(zip(LAW_BOUNDS, out.numpy().reshape(-1, *u.shape), strict=True))
+
+
+def eval_ratios(y: ArrayLike, device: str = "cpu") -> tuple[np.ndarray, np.ndarray]:
+    """l(y) and m(y) of the law, float32, at each y >= 0, (n,)."""
+    out = wp.zeros((2, len(np.asarray(y))), dtype=float, device=device)
+    wp.launch(_eval_ratios, dim=out.shape[1], inputs=[_array(y, float, device)], outputs=[out], device=device)
+    value, slope = out.numpy()
+    return value, slope
+
+
+def sample_law(b: ArrayLike, kappa: ArrayLike, xi: ArrayLike, device: str = "cpu") -> dict[str, np.ndarray]:
+    """Flights in mean optical depth.
+
+    Args:
+        b: exponents, broadcastable to the leading axes of `xi`.
+        kappa: >= 0, likewise.
+        xi: (..., 3) uniforms in (0, 1).
+        device: to evaluate on.
+
+    Returns:
+        float32 arrays of the leading shape, by the names in `FLIGHT_BOUNDS`; NaN where b < 0 has no such flight.
+    """
+    xi = np.asarray(xi)
+    shape = xi.shape[:-1]
+    laws, which = _device_laws(np.broadcast_to(b, shape).ravel(), np.broadcast_to(kappa, shape).ravel(), device)
+    out = wp.full((2, which.size), np.nan, dtype=float, device=device)
+    uniforms = _array(xi.reshape(-1, 3), wp.vec3, device)
+    wp.launch(_sample_law, dim=which.size, inputs=[laws, which, uniforms], outputs=[out], device=device)
+    return dict(zip(FLIGHT_BOUNDS, out.numpy().reshape(2, *shape), strict=True))
+
+
+def eval_hg(g: float, w: ArrayLike, wi: ArrayLike, device: str = "cpu") -> np.ndarray:
+    """Henyey-Greenstein [1/sr], (n,) float32, of unit vectors w, (3,), and wi, (n, 3)."""
+    directions = _array(wi, wp.vec3, device)
+    out = wp.zeros(directions.size, dtype=float, device=device)
+    wp.launch(_eval_hg, dim=out.size, inputs=[g, wp.vec3(*np.asarray(w)), directions], outputs=[out], device=device)
+    return out.numpy()
+
+
+def sample_hg(g: float, w: ArrayLike, xi: ArrayLike, device: str = "cpu") -> np.ndarray:
+    """Directions of Henyey-Greenstein around w, (n, 3) float32, from uniforms (n, 2)."""
+    uniforms = _array(xi, wp.vec2, device)
+    out = wp.zeros(uniforms.size, dtype=wp.vec3, device=device)
+    wp.launch(_sample_hg, dim=out.size, inputs=[g, wp.vec3(*np.asarray(w)), uniforms], outputs=[out], device=device)
+    return out.numpy()
+
+
+def sample_hg_one_minus_cos(g: float, xi: ArrayLike, device: str = "cpu") -> np.ndarray:
+    """1 - cos(theta) of Henyey-Greenstein for 0 <= g < 1, (n,) float32, from uniforms (n,)."""
+    uniforms = _array(xi, float, device)
+    out = wp.zeros(uniforms.size, dtype=float, device=device)
+    wp.launch(_sample_hg_one_minus_cos, dim=out.size, inputs=[g, uniforms], outputs=[out], device=device)
+    return out.numpy()
+
+
+def _device_laws(b: np.ndarray, kappa: np.ndarray, device: str) -> tuple[Any, Any]:
+    """The different laws among these pairs, and which of them each pair is."""
+    pairs, which = np.unique(np.stack([b, kappa], axis=1), axis=0, return_inverse=True)
+    made = [
+        build_device_law(LineLaw("pink", b, kappa, (b - 1) / 2, 1.0, None), reciprocal=True)
+        for b, kappa in pairs.tolist()
+    ]
+    return wp.array(made, dtype=Law, device=device), _array(which.ravel(), int, device)
+
+
+def _array(values: ArrayLike, dtype: Any, device: str) -> Any:
+    return wp.array(np.asarray(values, dtype=np.int32 if dtype is int else np.float32), dtype=dtype, device=device)
