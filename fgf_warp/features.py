@@ -5,11 +5,11 @@ The kernel is built for exactly one value of `RenderFeatures`; whatever is False
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import UnionType
 
-from fgf_warp.scene import AreaLight, DistantLight, DomeLight, Mesh, Scene, Shape, Solid, SphereLight
+from fgf_warp.scene import AreaLight, DistantLight, DomeLight, Medium, Mesh, Scene, Shape, Solid, SphereLight
 from fgf_warp.settings import Aov, RenderSettings, Sampler
 
 NAMES_SHOWN = 3
@@ -32,6 +32,8 @@ class RenderFeatures:
         lone_solid: what that one shape is, ``sphere``, ``cube`` or ``cylinder``: a ray is in it between two distances,
             and crosses no boundaries one by one; otherwise empty.
         chromatic: a medium whose channels differ in extinction.
+        frozen: a medium of the mixed transport, where paths may be frozen.
+        exact_variance: a fractional Brownian motion with the variance of finite segments; its law is looked up.
         aovs: the further planes that need work in the kernel.
         sampler: where random numbers come from.
     """
@@ -46,6 +48,8 @@ class RenderFeatures:
     lone_law: str
     lone_solid: str
     chromatic: bool
+    frozen: bool
+    exact_variance: bool
     aovs: frozenset[Aov]
     sampler: Sampler
 
@@ -80,6 +84,9 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
     filled = [shape for shape in scene.shapes if shape.medium is not None]
     media = [scene.media[shape.medium] for shape in filled if shape.medium is not None]
     lone_law = media[0].line_law.kind if len(media) == 1 and not media[0].is_chromatic else ""
+    exact_variance = any(law.kind == "exact_fbm" for medium in media for law in medium.channel_laws)
+    if exact_variance:
+        lone_law = ""
     return RenderFeatures(
         solids=frozenset(shape.kind for shape in scene.shapes if isinstance(shape, Solid)),
         meshes=any(isinstance(shape, Mesh) for shape in scene.shapes),
@@ -95,6 +102,8 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         lone_law=lone_law,
         lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) else "",
         chromatic=any(medium.is_chromatic for medium in media),
+        frozen=any(medium.freezes_paths for medium in media),
+        exact_variance=exact_variance,
         aovs=settings.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO},
         sampler=settings.sampler,
     )
@@ -104,19 +113,22 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
     """What the kernel of a scene is built for and why, part by part."""
     features = required_features(scene, settings)
     filled = [shape for shape in scene.shapes if shape.medium is not None]
-    chromatic = sorted(
-        {
-            medium.name
-            for medium in (scene.media[s.medium] for s in filled if s.medium is not None)
-            if medium.is_chromatic
-        }
-    )
+    media = [scene.media[s.medium] for s in filled if s.medium is not None]
+
+    def with_property(holds: Callable[[Medium], bool]) -> list[str]:
+        return sorted({medium.name for medium in media if holds(medium)})
+
+    chromatic = with_property(lambda medium: medium.is_chromatic)
+    frozen = with_property(lambda medium: medium.freezes_paths)
+    exact = with_property(lambda medium: any(law.kind == "exact_fbm" for law in medium.channel_laws))
 
     def named(kinds: type | UnionType) -> list[str]:
         return [item.name for item in (*scene.shapes, *scene.lights) if isinstance(item, kinds)]
 
     if features.lone_law:
         law_why = f"{_named_all(filled)} is filled with the only medium, and its channels have one law"
+    elif exact:
+        law_why = f"{_listed(exact)} has the variance of finite segments"
     elif chromatic:
         law_why = f"the channels of {_listed(chromatic)} differ in extinction"
     else:
@@ -138,6 +150,8 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
             else "no shape is filled with a medium",
         ),
         Reason("channels of their own extinction", features.chromatic, _why(chromatic)),
+        Reason("frozen paths", features.frozen, _why(frozen)),
+        Reason("variance of finite segments", features.exact_variance, _why(exact)),
         Reason("connections to lights", features.connections, _why(lights)),
         Reason("lights with a shape", bool(features.shaped_lights), _why(named(AreaLight | SphereLight))),
         Reason("distant lights", features.distant_lights, _why(named(DistantLight))),

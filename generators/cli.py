@@ -289,6 +289,9 @@ def law(
     ] = None,
     outer_scale: Annotated[float | None, typer.Option("--L", help="Outer scale [length], where H > 0.")] = None,
     kappa: Annotated[float | None, typer.Option("--kappa", help="In place of the value that follows from S_w.")] = None,
+    line_variance: Annotated[
+        str, typer.Option("--lineVariance", help="Of fractional Brownian motion: asymptotic, or exact.")
+    ] = "asymptotic",
     lengths: Annotated[
         str | None, typer.Option("--t", metavar="LIST", help="Segment lengths, with commas; default: around 1/sigma_m.")
     ] = None,
@@ -305,21 +308,24 @@ def law(
     """  # noqa: D301
     import json  # noqa: PLC0415
 
-    from fgf_warp.theory.law import REGIME_NAMES  # noqa: PLC0415
+    from fgf_warp.theory.law import LINE_VARIANCES, REGIME_NAMES  # noqa: PLC0415
     from generators.law import evaluate_law  # noqa: PLC0415
 
+    _check_choice("--lineVariance", line_variance, LINE_VARIANCES)
     found = evaluate_law(
         hurst=hurst,
         white_noise_scale=white_noise_scale,
         mean_extinction=mean_extinction,
         outer_scale=outer_scale,
         kappa=kappa,
+        line_variance=line_variance,
         lengths=_parse_lengths(lengths),
     )
     if as_json:
         typer.echo(json.dumps(found, indent=1, allow_nan=False))
         return
-    mean_free_path = "infinite" if found["mean_free_path"] is None else f"{found['mean_free_path']:.6g}"
+    no_mean = "infinite" if line_variance == "asymptotic" else "none"
+    mean_free_path = no_mean if found["mean_free_path"] is None else f"{found['mean_free_path']:.6g}"
     typer.echo(f"regime          {REGIME_NAMES[found['regime']]}")
     typer.echo(f"b               {found['b']:.6g}")
     typer.echo(f"kappa           {found['kappa']:.6g}")

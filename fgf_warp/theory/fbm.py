@@ -1,7 +1,7 @@
 """Fractional Brownian motion with the exact variance of a finite segment, in float64.
 
 Guo et al. 2019, supplement, (11): averaged over segments that begin in [0, L], the line variance is
-``v(t) = v R(t/L)``, with v the asymptotic one, (13), and R the `variance_ratio`. So ``y(u) = kappa u R(u / (sigma_m L))``
+``v(t) = v R(t/L)``, with v the asymptotic one, (13), and R the `variance_ratio`. So ``y(u) = kappa u R(u/(sigma_m L))``
 takes the place of ``kappa u``; where the theory has b, the local exponent ``beta = d ln y / d ln u`` does.
 
 The field's variance grows along the line without bound, and from some length on Tr would rise again: this law holds

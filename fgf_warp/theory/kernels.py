@@ -120,8 +120,14 @@ def transmittance_ms(b: ArrayLike, kappa: ArrayLike, u: ArrayLike) -> np.ndarray
 
 def density_mm(b: ArrayLike, kappa: ArrayLike, u: ArrayLike) -> np.ndarray:
     """Tmm = Tr''(u) / -Tr'(0), the free-flight density between medium vertices; b >= 0."""
-    derivatives = (of(b, kappa, u) for of in (line_exponent, line_exponent_d1, line_exponent_d2))
-    return compose_kernels(*derivatives, initial_rate(b, kappa)).density_mm
+    return eval_kernels(b, kappa, u).density_mm
+
+
+def eval_kernels(b: ArrayLike, kappa: ArrayLike, u: ArrayLike) -> KernelValues:
+    """The four transport kernels at u > 0; those of medium vertices are NaN or infinite for b < 0."""
+    f, d1, d2 = (derivative(b, kappa, u) for derivative in (line_exponent, line_exponent_d1, line_exponent_d2))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return compose_kernels(f, d1, d2, initial_rate(b, kappa))
 
 
 def flight_from_exponent(b: ArrayLike, kappa: ArrayLike, exponent: ArrayLike) -> np.ndarray:

@@ -16,7 +16,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from fgf_warp.theory import fbm
+from numpy.typing import ArrayLike
+
+from fgf_warp.theory import fbm, kernels
 
 Regime = Literal["exponential", "white", "pink", "negative", "fbm", "kfbm"]
 LawKind = Literal["exponential", "power", "fractional", "exact_fbm"]
@@ -96,6 +98,11 @@ class LineLaw:
         if exact is None:
             return asymptotic
         return asymptotic * float(fbm.variance_ratio(exact.hurst, self.mean_extinction * t / exact.outer_depth))
+
+    def eval_kernels(self, u: ArrayLike) -> kernels.KernelValues:
+        """The four transport kernels at mean optical depths u > 0."""
+        exact = self.exact_fbm
+        return kernels.eval_kernels(self.b, self.kappa, u) if exact is None else fbm.eval_kernels(exact, u)
 
     def longest_segment(self) -> float:
         """The t up to which the law holds [length]: Tr of an exact variance would rise again; inf for the others."""

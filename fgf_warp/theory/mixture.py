@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
-from scipy.optimize import nnls
 
-from fgf_warp.theory import kernels
+from fgf_warp.theory import fbm, kernels
 
 MIXTURE_ERROR = 1e-4
 """Of Tr, absolute: what is farther off is no mixture of exponentials."""
@@ -46,6 +46,7 @@ class RateMixture:
     error: float
 
 
+@cache
 def mix_rates(b: float, kappa: float) -> RateMixture:
     """G of the law of (b, kappa), 0 < b <= 1, kappa > 0; its Tr is accurate to 3e-8 absolute.
 
@@ -55,6 +56,18 @@ def mix_rates(b: float, kappa: float) -> RateMixture:
     with np.errstate(over="ignore"):
         farthest = min(float(kernels.flight_from_exponent(b, kappa, 25.0)), FARTHEST)
     return fit_rates(lambda u: kernels.transmittance_ss(b, kappa, u), farthest)
+
+
+@cache
+def mix_exact_rates(line: fbm.ExactFbm, farthest: float) -> RateMixture:
+    """The same for an exact variance, up to u = `farthest`; there its `error` may be large.
+
+    Where v(t) grows faster than its asymptote, beta > 1, Tr need not be completely monotone.
+
+    Raises:
+        ArithmeticError: where the least squares do not converge.
+    """
+    return fit_rates(lambda u: np.exp(-fbm.line_exponent(line, u)), farthest)
 
 
 def fit_rates(transmittance: Callable[[np.ndarray], np.ndarray], farthest: float) -> RateMixture:
@@ -70,6 +83,8 @@ def fit_rates(transmittance: Callable[[np.ndarray], np.ndarray], farthest: float
     Raises:
         ArithmeticError: where the least squares do not converge.
     """
+    from scipy.optimize import nnls  # noqa: PLC0415 - slow to import, and scenes rarely need it
+
     u = np.append(0.0, np.geomspace(NEAREST * min(farthest, 1.0), farthest, DEPTHS))
     expected = np.append(1.0, transmittance(u[1:]))
     lowest = -np.log(farthest) - 2

@@ -22,6 +22,7 @@ FALLBACKS = {
     "inputs:fgf:outerScale": None,
     "inputs:fgf:kappa": None,
     "fgf:transport": None,
+    "fgf:lineVariance": "asymptotic",
     "fgf:boundary": "none",
     "fgf:priority": 0,
 }
@@ -62,7 +63,7 @@ def test_limits_are_those_of_the_law(material: Usd.Prim) -> None:
 
 def test_only_what_cannot_vary_is_uniform(material: Usd.Prim) -> None:
     uniform = {name for name in FALLBACKS if material.GetAttribute(name).GetVariability() == Sdf.VariabilityUniform}
-    assert uniform == {"fgf:transport", "fgf:boundary", "fgf:priority"}
+    assert uniform == {"fgf:transport", "fgf:lineVariance", "fgf:boundary", "fgf:priority"}
 
 
 def test_registering_twice_is_harmless() -> None:
