@@ -26,14 +26,18 @@ LAW_BOUNDS = {
 """The functions of `eval_law`, and the bounds that their docstrings state: relative error below c + d f(u)."""
 LAW_ZERO = 2e-38
 """Values below it lose digits in float32, and count as zero."""
-FLIGHT_BOUNDS = {"sample_sm": 1.2e-4, "sample_mm": 5e-4}
-"""The functions of `sample_law`, and the bounds of their relative error."""
-FLIGHT_MEDIAN_BOUND = 1e-5
-"""Of the relative error of `sample_sm`."""
+FLIGHT_BOUNDS = {"sample_sm": (1.2e-4, 0.0), "sample_mm": (1.2e-4, 2e-6)}
+"""The functions of `sample_law`, and the bounds of their relative error: below c + d/b.
+
+A flight between medium vertices is drawn as u^b, so for small b its rounding grows as 1/b; but so does the width of
+its distribution in ln u, and the distribution keeps its 6 digits.
+"""
 FLIGHT_SHORTEST, FLIGHT_LONGEST = 1e-30, 1e29
 """Flights beyond are zero or escaped in float32: legitimate, and counted rather than resolved."""
 HG_BOUND, HG_COSINE_BOUND = 1e-5, 1e-6
 """Relative errors of `eval_hg` for exact directions, and of `sample_hg_one_minus_cos`."""
+DIRECTION_BOUND = 5e-7
+"""Error of the length of sampled directions."""
 
 
 @wp.kernel

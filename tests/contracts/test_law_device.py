@@ -86,20 +86,22 @@ def test_sampler_twins():
     draws = 400
     xi = rng.random((draws * len(LAWS), 3)).astype(np.float32).astype(np.float64)
     xi = np.clip(xi, 2.0**-32, 1 - 2.0**-24)
-    b, kappa = (np.tile(column, draws) for column in zip(*LAWS, strict=True))
+    # In float32, as on the device: near xi3 = b their rounding would be seen.
+    b, kappa = (np.tile(np.float32(column), draws).astype(np.float64) for column in zip(*LAWS, strict=True))
     found = probes.sample_law(b, kappa, xi)
     with np.errstate(over="ignore", invalid="ignore"):
         flight = kernels.sample_sm(b, kappa, xi[:, 0])
         correlated = kernels.sample_mm(b, kappa, *xi.T)
     usable = flight < probes.FLIGHT_LONGEST
     error = np.abs(found["sample_sm"][usable] / flight[usable] - 1)
-    assert error.max() <= probes.FLIGHT_BOUNDS["sample_sm"]
-    assert np.median(error) <= probes.FLIGHT_MEDIAN_BOUND
+    assert error.max() <= probes.FLIGHT_BOUNDS["sample_sm"][0]
+    assert np.median(error) <= 1e-5
     assert np.all(found["sample_sm"][~usable] >= 1e28)
     # Tmm of b = 1 has a closed form of its own; the twin composes it for every b.
     usable = (b >= 0) & (b < 1) & (correlated < probes.FLIGHT_LONGEST) & (correlated > probes.FLIGHT_SHORTEST)
-    error = np.abs(found["sample_mm"][usable] / correlated[usable] - 1)
-    assert error.max() <= probes.FLIGHT_BOUNDS["sample_mm"]
+    constant, per_b = probes.FLIGHT_BOUNDS["sample_mm"]
+    bound = constant + per_b / np.maximum(b[usable], 1e-30)
+    assert np.all(np.abs(found["sample_mm"][usable] / correlated[usable] - 1) <= bound)
 
 
 def assert_flights(u, survival):
