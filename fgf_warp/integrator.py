@@ -111,6 +111,8 @@ MAX_CROSSINGS = wp.constant(1024)
 """Boundaries between two scattering events; a path that crosses more is cut and counted as truncated."""
 MANY_WAITING = wp.constant(4)
 """Lanes without a pixel that are worth a look at all of them."""
+SHORTEST_DEPTH = wp.constant(1.0e-30)
+"""Mean optical depth below which a flight has no length: between medium vertices many have none where b is small."""
 CAMERA_RAY = wp.constant(-1.0)
 """Stands for the pdf of a direction that no light sampling competes with."""
 
@@ -427,13 +429,18 @@ def build_program(features: RenderFeatures) -> Program:
 
     @wp.func
     def channel_densities(medium: Medium, t: float, from_medium: bool, rates: wp.vec3) -> wp.vec3:
-        """Per channel, the density with which a flight ends at t."""
+        """Per channel, the density with which a flight ends at t; of one without length, the probability of that."""
+        shortest = SHORTEST_DEPTH / max_component(medium.extinction)
         densities = wp.vec3()
         for channel in range(3):
             extinction = medium.extinction[channel]
-            u = mean_optical_depth(extinction, t)
             law = law_of_channel(medium, channel)
-            densities[channel] = extinction * end_in_segment(law, u, from_medium, rates[channel])
+            if t > shortest:
+                u = mean_optical_depth(extinction, t)
+                densities[channel] = extinction * end_in_segment(law, u, from_medium, rates[channel])
+            else:
+                passed = pass_segment(law, extinction * shortest, from_medium, rates[channel])
+                densities[channel] = wp.max(1.0 - passed, 1.0e-7)
         return densities
 
     @wp.func

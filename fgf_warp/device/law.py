@@ -157,7 +157,8 @@ def transmittance_ms(law: Law, u: float) -> float:
 def density_mm(law: Law, u: float) -> float:
     """Tmm = Tr''(u) / -Tr'(0), b >= 0; relative error below 2e-5 + 1e-5 f(u)."""
     d1 = line_exponent_d1(law, u)
-    return (d1 * d1 - line_exponent_d2(law, u)) * transmittance_ss(law, u) / initial_rate(law)
+    d2 = line_exponent_d2(law, wp.max(u, TINY_U))
+    return (d1 * d1 - d2) * transmittance_ss(law, u) / initial_rate(law)
 
 
 @wp.func(inline=True)

@@ -42,6 +42,14 @@ def test_medium_under_connections(regime, transport, g):
     stats.assert_means(*stats.image_mean(result), 1.0, detects=0.01)
 
 
+def test_flights_without_length():
+    """Close above white noise, most flights between medium vertices have none; channels that differ weigh them too."""
+    medium = {"hurst": -0.4999, "white_noise_scale": 1.0, "extinction_color": (1.0, 0.5, 0.1)}
+    result = render(furnace(transport="reciprocal", mean_extinction=1.0, **medium), replace(SETTINGS, spp=32))
+    means, errors = zip(*(stats.image_mean(result, channel) for channel in range(3)), strict=True)
+    stats.assert_means(means, errors, 1.0, detects=0.03)
+
+
 def test_surface():
     scene = replace(furnace(), media=(), shapes=(Solid("/ball", "sphere", np.eye(4), Surface((1.0, 1.0, 1.0))),))
     assert np.abs(render(scene, SETTINGS).radiance - 1).max() <= 1e-5
