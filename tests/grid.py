@@ -3,7 +3,7 @@
 import itertools
 
 KAPPAS = (1e-8, 1e-4, 1e-2, 0.3, 1.0, 10.0, 1e3, 1e8)
-BS = (-0.96, -0.5, -0.02, 0.0, 0.02, 0.2, 0.5, 0.9, 0.98, 1.0)
+BS = (-0.96, -0.5, -0.02, -1e-5, 0.0, 1e-5, 0.02, 0.2, 0.5, 0.9, 0.98, 1.0)
 LAWS = tuple(itertools.product(BS, KAPPAS))
 ASYMMETRIES = (0.0, 1e-7, -1e-7, 1e-3, 0.5, -0.8, 0.99, -0.99, 0.9999, -0.9999)
 TRANSPORTS = ("reciprocal", "renewal", "mixed")

@@ -134,9 +134,9 @@ def flight_from_exponent(b: ArrayLike, kappa: ArrayLike, exponent: ArrayLike) ->
     """The u with f(u) = E, for E > 0: u = E expm1(s) / s with ln s + (1-b) ln(expm1(s)/s) = ln kappa + b ln E."""
     exponent = np.asarray(exponent, dtype=np.float64)
     kappa = np.asarray(kappa, dtype=np.float64)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         q = np.log(kappa) + np.asarray(b) * np.log(exponent)
-    return np.where(kappa > 0, exponent * np.exp(flight_log_ratio(b, q)[0]), exponent)
+        return np.where(kappa > 0, exponent * np.exp(flight_log_ratio(b, q)[0]), exponent)
 
 
 def sample_sm(b: ArrayLike, kappa: ArrayLike, xi: ArrayLike) -> np.ndarray:

@@ -65,6 +65,9 @@ def test_flights_start_and_end():
     assert np.array_equal(found["transmittance_ss"], np.ones(b.size))
     far = probes.eval_law(b, kappa, 1e30)
     assert np.isfinite(far["transmittance_ss"]).all()
+    endless = probes.eval_law(*np.array(LAWS).T, np.inf)
+    for name in ("transmittance_ss", "density_sm"):
+        assert np.array_equal(endless[name], np.zeros(len(LAWS))), name
 
 
 def test_fit_of_flights():
