@@ -11,7 +11,7 @@ import sys
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
 
 import typer
 from typer.core import TyperGroup
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from fgf_warp.features import Reason
     from fgf_warp.result import RenderResult
     from fgf_warp.scene import Medium, Scene
+    from fgf_warp.theory.law import LineVariance
     from generators.config import LoadedConfig
     from generators.plan import Plan
     from generators.run import Report
@@ -319,7 +320,7 @@ def law(
         mean_extinction=mean_extinction,
         outer_scale=outer_scale,
         kappa=kappa,
-        line_variance=line_variance,
+        line_variance=cast("LineVariance", line_variance),
         lengths=_parse_lengths(lengths),
     )
     if as_json:

@@ -97,16 +97,16 @@ def draw(shots: Sequence[Shot]) -> Chapter:
             f"its transmittance differs from that limit by at most {gap:.1e} at any depth of the ball. So it is "
             "compared with white noise of the same kappa.",
             "In the renewal transport, where a flight forgets the ones before it, the law is all there is, and the "
-            "pictures agree. In the reciprocal transport a flight from a medium vertex knows that it starts in "
+            "pictures should agree. In the reciprocal transport a flight from a medium vertex knows that it starts in "
             "matter: as b -> 0+ a share 1 - l of these flights has no length, events cluster, and more light is "
             "absorbed than at H = -1/2 exactly. For isotropic scattering the limit is a classical medium of rate "
             f"l sigma_m = {predicted.mean_extinction:.4f} and albedo a l / (1 - a (1 - l)) = {predicted.albedo[0]:.4f},"
-            " which predicts the difference.",
+            " which predicts the difference. Whether the pictures bear this out, the table and the verdict say.",
         ),
         figures={
             "limit-pictures": Figure(
                 "Four renders",
-                f"The eye does not tell them apart but for a slight loss of light. {how}",
+                f"The right two should be a little darker, and alike. {how}",
                 picture_sheet(
                     [
                         [
