@@ -9,7 +9,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from types import UnionType
 
-from fgf_warp.scene import AreaLight, DistantLight, DomeLight, Mesh, Scene, Shape, Solid, SphereLight
+from fgf_warp.scene import (
+    PHASE_PARAMETERS,
+    AreaLight,
+    DistantLight,
+    DomeLight,
+    Mesh,
+    PhaseFunction,
+    Scene,
+    Shape,
+    Solid,
+    SphereLight,
+)
 from fgf_warp.settings import Aov, RenderSettings, Sampler
 
 NAMES_SHOWN = 3
@@ -32,6 +43,7 @@ class RenderFeatures:
         lone_solid: what that one shape is, ``sphere``, ``cube`` or ``cylinder``: a ray is in it between two distances,
             and crosses no boundaries one by one; otherwise empty.
         chromatic: a medium whose channels differ in extinction.
+        phases: which phase functions the media have.
         aovs: the further planes that need work in the kernel.
         sampler: where random numbers come from.
     """
@@ -46,6 +58,7 @@ class RenderFeatures:
     lone_law: str
     lone_solid: str
     chromatic: bool
+    phases: frozenset[PhaseFunction]
     aovs: frozenset[Aov]
     sampler: Sampler
 
@@ -58,6 +71,11 @@ class RenderFeatures:
     def crossings(self) -> bool:
         """True where paths cross boundaries of media one by one."""
         return self.media and not self.lone_solid
+
+    @property
+    def phase_parameters(self) -> tuple[str, ...]:
+        """The parameters that these phase functions have."""
+        return tuple(name for name, kinds in PHASE_PARAMETERS.items() if self.phases & {*kinds})
 
 
 @dataclass(frozen=True)
@@ -95,6 +113,7 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         lone_law=lone_law,
         lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) else "",
         chromatic=any(medium.is_chromatic for medium in media),
+        phases=frozenset(medium.phase_function for medium in media),
         aovs=settings.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO},
         sampler=settings.sampler,
     )
@@ -136,6 +155,11 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
             else "boundaries are crossed one by one"
             if features.media
             else "no shape is filled with a medium",
+        ),
+        Reason(
+            f"phase functions: {', '.join(sorted(features.phases))}".removesuffix(": "),
+            features.media,
+            _why(sorted({scene.media[s.medium].name for s in filled if s.medium is not None})),
         ),
         Reason("channels of their own extinction", features.chromatic, _why(chromatic)),
         Reason("connections to lights", features.connections, _why(lights)),

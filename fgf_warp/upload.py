@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.bvh import build_wide_tree
-from fgf_warp.device import bvh, geometry, law, lights, medium, surfaces
+from fgf_warp.device import bvh, geometry, law, lights, medium, phase, surfaces
 from fgf_warp.device import camera as camera_device
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import LAW_KINDS, LIGHT_KINDS, SOLID_KINDS, Limits, SceneData
@@ -184,8 +184,15 @@ def _medium(index: int, item: Medium) -> Any:
     result.index = index
     result.extinction = wp.vec3(*(max(line.mean_extinction, EXTINCTION_FLOOR) for line in item.channel_laws))
     result.albedo = wp.vec3(*item.albedo)
-    result.asymmetry = item.asymmetry
+    result.phase = _phase(item)
     result.law, result.law_green, result.law_blue = channels
+    return result
+
+
+def _phase(item: Medium) -> Any:
+    result = phase.Phase()
+    result.asymmetry, result.draine_alpha = item.asymmetry, item.draine_alpha
+    result.back_asymmetry, result.back_weight = item.back_asymmetry, item.back_weight
     return result
 
 

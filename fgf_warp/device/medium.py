@@ -4,6 +4,7 @@ import warp as wp
 
 from fgf_warp.device.geometry import is_inside
 from fgf_warp.device.law import Law
+from fgf_warp.device.phase import Phase
 
 
 @wp.struct
@@ -15,7 +16,7 @@ class Medium:
     extinction: wp.vec3
     """sigma_m per channel [1/stage unit], > 0."""
     albedo: wp.vec3
-    asymmetry: float
+    phase: Phase
     law: Law
     law_green: Law
     law_blue: Law

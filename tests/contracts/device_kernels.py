@@ -1,5 +1,7 @@
 """Kernels that evaluate the device's functions over arrays, for the contract tests."""
 
+from functools import cache
+
 import numpy as np
 import warp as wp
 
@@ -7,6 +9,7 @@ from fgf_warp.device import bvh, law, lights, phase, rng, surfaces
 from fgf_warp.device.geometry import MISS, Hit, Start
 from fgf_warp.device.law import Law
 from fgf_warp.device.options import kernel_options
+from fgf_warp.device.phase import Phase
 from fgf_warp.theory.law import LineLaw
 from fgf_warp.upload import build_device_law, build_device_meshes
 
@@ -57,22 +60,41 @@ def sample_law_kernel(
         out[1, i] = law.sample_mm(one, xi[i][0], xi[i][1], xi[i][2])
 
 
-@wp.kernel
-def eval_hg_kernel(g: float, w: wp.vec3, wi: wp.array(dtype=wp.vec3), out: wp.array(dtype=float)):
-    i = wp.tid()
-    out[i] = phase.eval_hg(g, w, wi[i])
+@cache
+def phase_kernels(kinds: frozenset[str]):
+    """Kernels of `eval_phase` and `sample_phase` of a scene with these kinds of phase functions."""
+    eval_phase, sample_phase = phase.build_phase(kinds)
 
+    @wp.kernel(module="unique", module_options=kernel_options(meshes=False))
+    def eval_phase_kernel(one: Phase, w: wp.vec3, wi: wp.array(dtype=wp.vec3), out: wp.array(dtype=float)):
+        i = wp.tid()
+        out[i] = eval_phase(one, w, wi[i])
 
-@wp.kernel
-def sample_hg_kernel(g: float, w: wp.vec3, xi: wp.array(dtype=wp.vec2), out: wp.array(dtype=wp.vec3)):
-    i = wp.tid()
-    out[i] = phase.sample_hg(g, w, xi[i][0], xi[i][1])
+    @wp.kernel(module="unique", module_options=kernel_options(meshes=False))
+    def sample_phase_kernel(one: Phase, w: wp.vec3, xi: wp.array(dtype=wp.vec2), out: wp.array(dtype=wp.vec3)):
+        i = wp.tid()
+        out[i] = sample_phase(one, w, xi[i][0], xi[i][1])
+
+    return eval_phase_kernel, sample_phase_kernel
 
 
 @wp.kernel
 def sample_hg_cosine_kernel(g: float, xi: wp.array(dtype=float), out: wp.array(dtype=float)):
     i = wp.tid()
     out[i] = phase.sample_hg_one_minus_cos(g, xi[i])
+
+
+@wp.kernel
+def sample_draine_cosine_kernel(g: float, alpha: float, xi: wp.array(dtype=float), out: wp.array(dtype=float)):
+    i = wp.tid()
+    out[i] = phase.sample_draine_one_minus_cos(g, alpha, xi[i])
+
+
+@wp.kernel
+def choose_lobe_kernel(weight: float, xi: wp.array(dtype=float), out: wp.array(dtype=wp.vec2)):
+    i = wp.tid()
+    lobe, place = phase.choose_lobe(0.0, 1.0, weight, xi[i])
+    out[i] = wp.vec2(lobe, place)
 
 
 @wp.kernel
@@ -121,6 +143,14 @@ def lattice_kernel(seed: wp.uint64, bounce: int, purpose: int, out: wp.array2d(d
         out[pixel, sample] = wp.vec4(xi[0], xi[1], 0.0, 0.0)
     else:
         out[pixel, sample] = rng.draw_lattice(seed, pixel, turn, bounce, purpose)
+
+
+def device_phase(asymmetry=0.0, back_asymmetry=0.0, back_weight=0.0, draine_alpha=0.0) -> Phase:
+    """The device's phase function of these parameters."""
+    result = Phase()
+    result.asymmetry, result.back_asymmetry = asymmetry, back_asymmetry
+    result.back_weight, result.draine_alpha = back_weight, draine_alpha
+    return result
 
 
 def device_laws(pairs, *, reciprocal: bool = True):

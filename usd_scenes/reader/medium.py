@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 from pxr import Usd
 
 from fgf_warp.errors import SceneError
-from fgf_warp.scene import TRANSPORTS, Medium
+from fgf_warp.scene import PHASE_FUNCTIONS, TRANSPORTS, Medium
 from usd_scenes import schema
 from usd_scenes.reader.attributes import is_authored, plain_source, read_color, read_number, read_token
 from usd_scenes.reader.context import StageContext
 
 COLORS = ("extinction_color", "albedo")
+WORDS: dict[str, tuple[str, ...]] = {"transport": TRANSPORTS, "phase_function": PHASE_FUNCTIONS}
 ONLY_WHERE_AUTHORED = ("outer_scale", "kappa")
 SYMBOLS = {
     "sigma_m": "mean_extinction",
@@ -66,8 +67,8 @@ def ends_in_surface(material: Usd.Prim, context: StageContext) -> bool:
 def _read_field(field: str, attribute: Usd.Attribute, time: Usd.TimeCode) -> object:
     if field in COLORS:
         return read_color(attribute, time)
-    if field == "transport":
-        return read_token(attribute, time, cast(tuple[str, ...], TRANSPORTS))
+    if field in WORDS:
+        return read_token(attribute, time, WORDS[field])
     if field == "priority":
         return int(read_number(attribute, time, accepted="an integer", holds=float.is_integer))
     return read_number(attribute, time)
