@@ -5,7 +5,7 @@ The kernel is built for exactly one value of `RenderFeatures`; whatever is False
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import UnionType
 
@@ -14,6 +14,7 @@ from fgf_warp.scene import (
     AreaLight,
     DistantLight,
     DomeLight,
+    Medium,
     Mesh,
     PhaseFunction,
     Scene,
@@ -44,6 +45,8 @@ class RenderFeatures:
             and crosses no boundaries one by one; otherwise empty.
         chromatic: a medium whose channels differ in extinction.
         phases: which phase functions the media have.
+        frozen: a medium of the mixed transport, where paths may be frozen.
+        exact_variance: a fractional Brownian motion with the variance of finite segments; its law is looked up.
         aovs: the further planes that need work in the kernel.
         sampler: where random numbers come from.
     """
@@ -59,6 +62,8 @@ class RenderFeatures:
     lone_solid: str
     chromatic: bool
     phases: frozenset[PhaseFunction]
+    frozen: bool
+    exact_variance: bool
     aovs: frozenset[Aov]
     sampler: Sampler
 
@@ -98,6 +103,9 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
     filled = [shape for shape in scene.shapes if shape.medium is not None]
     media = [scene.media[shape.medium] for shape in filled if shape.medium is not None]
     lone_law = media[0].line_law.kind if len(media) == 1 and not media[0].is_chromatic else ""
+    exact_variance = any(law.kind == "exact_fbm" for medium in media for law in medium.channel_laws)
+    if exact_variance:
+        lone_law = ""
     return RenderFeatures(
         solids=frozenset(shape.kind for shape in scene.shapes if isinstance(shape, Solid)),
         meshes=any(isinstance(shape, Mesh) for shape in scene.shapes),
@@ -114,6 +122,8 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) else "",
         chromatic=any(medium.is_chromatic for medium in media),
         phases=frozenset(medium.phase_function for medium in media),
+        frozen=any(medium.freezes_paths for medium in media),
+        exact_variance=exact_variance,
         aovs=settings.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO},
         sampler=settings.sampler,
     )
@@ -123,19 +133,22 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
     """What the kernel of a scene is built for and why, part by part."""
     features = required_features(scene, settings)
     filled = [shape for shape in scene.shapes if shape.medium is not None]
-    chromatic = sorted(
-        {
-            medium.name
-            for medium in (scene.media[s.medium] for s in filled if s.medium is not None)
-            if medium.is_chromatic
-        }
-    )
+    media = [scene.media[s.medium] for s in filled if s.medium is not None]
+
+    def with_property(holds: Callable[[Medium], bool]) -> list[str]:
+        return sorted({medium.name for medium in media if holds(medium)})
+
+    chromatic = with_property(lambda medium: medium.is_chromatic)
+    frozen = with_property(lambda medium: medium.freezes_paths)
+    exact = with_property(lambda medium: any(law.kind == "exact_fbm" for law in medium.channel_laws))
 
     def named(kinds: type | UnionType) -> list[str]:
         return [item.name for item in (*scene.shapes, *scene.lights) if isinstance(item, kinds)]
 
     if features.lone_law:
         law_why = f"{_named_all(filled)} is filled with the only medium, and its channels have one law"
+    elif exact:
+        law_why = f"{_listed(exact)} has the variance of finite segments"
     elif chromatic:
         law_why = f"the channels of {_listed(chromatic)} differ in extinction"
     else:
@@ -162,6 +175,8 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
             _why(sorted({scene.media[s.medium].name for s in filled if s.medium is not None})),
         ),
         Reason("channels of their own extinction", features.chromatic, _why(chromatic)),
+        Reason("frozen paths", features.frozen, _why(frozen)),
+        Reason("variance of finite segments", features.exact_variance, _why(exact)),
         Reason("connections to lights", features.connections, _why(lights)),
         Reason("lights with a shape", bool(features.shaped_lights), _why(named(AreaLight | SphereLight))),
         Reason("distant lights", features.distant_lights, _why(named(DistantLight))),

@@ -3,7 +3,8 @@
 Path tracing with multiple scattering, next-event estimation, and multiple importance sampling (Veach 1997, power
 heuristic) between lights and phase function or BSDF. Free flights are sampled in proportion to their density, so
 they carry no weight; in a medium whose channels differ, one channel is drawn per path and the balance heuristic
-over channels weighs it. Transport kernels: section 4 of Bitterli et al. 2018, in the reciprocal or the renewal way.
+over channels weighs it. Transport kernels: section 4 of Bitterli et al. 2018, in the reciprocal or the renewal way; in
+the mixed transport a share of the paths is frozen: for them a medium is classical at a rate of their own.
 
 A path lives in stages: depart, fly, look, meet, arrive, connect, go on. They are written once, each from a `Path` to a
 `Path`, and two drivers run them: on CUDA a thread takes one path through all of them; on the CPU a pool of lanes
@@ -17,6 +18,7 @@ from typing import Any
 
 import warp as wp
 
+from fgf_warp.device import fbm
 from fgf_warp.device import lanes as lanes_module
 from fgf_warp.device.bvh import Bvh, intersect_meshes
 from fgf_warp.device.camera import Camera, camera_direction
@@ -47,13 +49,18 @@ from fgf_warp.device.geometry import (
 from fgf_warp.device.lanes import LANES, Path
 from fgf_warp.device.law import (
     ESCAPED,
+    EXACT_FBM,
     EXPONENTIAL,
     FRACTIONAL,
+    NOT_FROZEN,
     POWER,
     Law,
     flight_density,
     flight_of_ln,
+    fly_frozen,
     fly_power,
+    frozen_density,
+    frozen_transmittance,
     ln_decorrelation,
     ln_flight,
     sample_mm,
@@ -82,9 +89,9 @@ from fgf_warp.device.options import kernel_options
 from fgf_warp.device.phase import Phase, build_phase
 from fgf_warp.device.rng import (
     CAMERA,
-    CHANNEL,
     CONNECTION,
     EVENT,
+    WHOLE_PATH,
     draw_in_pixel,
     draw_independent,
     draw_lattice,
@@ -94,6 +101,7 @@ from fgf_warp.device.rng import (
     reverse_bits,
 )
 from fgf_warp.device.surfaces import Surface, diffuse_pdf, sample_diffuse
+from fgf_warp.device.tables import draw_from
 from fgf_warp.features import RenderFeatures
 from fgf_warp.settings import Aov
 
@@ -103,6 +111,8 @@ MAX_CROSSINGS = wp.constant(1024)
 """Boundaries between two scattering events; a path that crosses more is cut and counted as truncated."""
 MANY_WAITING = wp.constant(4)
 """Lanes without a pixel that are worth a look at all of them."""
+SHORTEST_DEPTH = wp.constant(1.0e-30)
+"""Mean optical depth below which a flight has no length: between medium vertices many have none where b is small."""
 CAMERA_RAY = wp.constant(-1.0)
 """Stands for the pdf of a direction that no light sampling competes with."""
 
@@ -124,6 +134,8 @@ class SceneData:
     """Of one image."""
     first_medium: int
     """Of the image that is rendered."""
+    tables: wp.array(dtype=wp.vec3)
+    """Of the laws."""
     containers: wp.array(dtype=Container)
     lights: wp.array(dtype=Light)
     camera_inside: wp.uint32
@@ -187,7 +199,12 @@ def law_of_channel(medium: Medium, channel: int) -> Law:
     return medium.law_blue
 
 
-LAW_KINDS = {"exponential": int(EXPONENTIAL), "power": int(POWER), "fractional": int(FRACTIONAL)}
+LAW_KINDS = {
+    "exponential": int(EXPONENTIAL),
+    "power": int(POWER),
+    "fractional": int(FRACTIONAL),
+    "exact_fbm": int(EXACT_FBM),
+}
 SOLID_KINDS = {"sphere": int(SPHERE), "cube": int(CUBE), "cylinder": int(CYLINDER)}
 LIGHT_KINDS = {"distant": int(DISTANT), "rect": int(RECT), "disk": int(DISK), "sphere": int(SPHERE_LIGHT)}
 """What the device calls them."""
@@ -204,6 +221,7 @@ def build_program(features: RenderFeatures) -> Program:
     meets_emitters = has_surfaces or features.connections
     # One medium of one law is the same for all lanes; anything else is looked up lane by lane.
     lone_law, lone_solid, has_crossings = features.lone_law, bool(features.lone_solid), features.crossings
+    freezes_at_birth = features.frozen and lone_law != ""
     lone_kind = SOLID_KINDS.get(features.lone_solid, 0)
     is_lattice = features.sampler == "lattice"
     draw = draw_lattice if is_lattice else draw_independent
@@ -212,6 +230,46 @@ def build_program(features: RenderFeatures) -> Program:
     eval_phase, sample_phase = build_phase(features.phases)
     load, store = lanes_module.build_lanes(features)
     load_tally, store_tally = lanes_module.build_tallies(features)
+
+    # ---- the law of a path: its medium's, or where it is frozen there, the exponential at its rate.
+
+    @wp.func
+    def draw_rates(scene: SceneData, path: Path, medium: Medium, seed: wp.uint64) -> wp.vec3:
+        """At which it is frozen in a medium: the same rates whenever it comes there."""
+        xi = draw(seed, path.pixel, path.turn, 1 + medium.index, WHOLE_PATH)
+        rates = wp.vec3(NOT_FROZEN)
+        if xi[0] < medium.frozen_share:
+            rates = wp.vec3(draw_from(scene.tables, medium.law.rates, xi[1]))
+            if wp.static(features.chromatic):
+                rates[1] = draw_from(scene.tables, medium.law_green.rates, xi[1])
+                rates[2] = draw_from(scene.tables, medium.law_blue.rates, xi[1])
+        return rates
+
+    @wp.func(inline=True)
+    def pass_segment(law: Law, u: float, from_medium: bool, rate: float) -> float:
+        """Share of light that passes a segment which ends uncorrelated."""
+        passed = float(0.0)
+        if wp.static(features.exact_variance):
+            if law.kind == EXACT_FBM:
+                passed = fbm.segment_transmittance(law, u, from_medium)
+            else:
+                passed = segment_transmittance(law, u, from_medium)
+        else:
+            passed = segment_transmittance(law, u, from_medium)
+        if wp.static(features.frozen):
+            passed = wp.where(rate >= 0.0, frozen_transmittance(rate, u), passed)
+        return passed
+
+    @wp.func
+    def end_in_segment(law: Law, u: float, from_medium: bool, rate: float) -> float:
+        """Density in u of the next scattering event."""
+        if wp.static(features.frozen):
+            if rate >= 0.0:
+                return frozen_density(rate, u)
+        if wp.static(features.exact_variance):
+            if law.kind == EXACT_FBM:
+                return fbm.flight_density(law, u, from_medium)
+        return flight_density(law, u, from_medium)
 
     # ---- depart and fly: how far would the path fly, were the medium unbounded?
 
@@ -236,6 +294,8 @@ def build_program(features: RenderFeatures) -> Program:
             more = draw_more(seed, before.pixel, before.turn, before.bounce, EVENT)
             ln_u = wp.where(remembers, wp.min(ln_u, ln_decorrelation(medium.law, more[0], more[1])), ln_u)
             u = flight_of_ln(ln_u)
+        if wp.static(features.frozen):
+            u = wp.where(before.rates[0] >= 0.0, fly_frozen(before.rates[0], exponent), u)
         path.flight = wp.min(u / medium.extinction[0], 0.5 * INFINITE)
         if wp.static(not lone_solid):
             is_in_medium = before.start.inside != wp.uint32(0)
@@ -244,19 +304,30 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func
+    def fly_by_law(scene: SceneData, path: Path, law: Law, seed: wp.uint64) -> float:
+        """u of the next flight."""
+        if wp.static(features.frozen):
+            rate = path.rates[path.channel]
+            if rate >= 0.0:
+                return fly_frozen(rate, -log_positive(path.xi[0]))
+        if wp.static(features.exact_variance):
+            if law.kind == EXACT_FBM:
+                return fbm.sample_flight(law, scene.tables, path.xi[0], path.from_medium == 1)
+        if path.from_medium == 1 and law.reciprocal == 1:
+            more = draw_more(seed, path.pixel, path.turn, path.bounce, EVENT)
+            return sample_mm(law, path.xi[0], more[0], more[1])
+        return sample_sm(law, path.xi[0])
+
+    @wp.func
     def fly_anywhere(scene: SceneData, before: Path, seed: wp.uint64) -> Path:
         """The same among many media, or with channels that differ."""
         path = before
         path.medium = medium_at(scene.containers, before.start.inside)
         if path.medium >= 0 and path.keeps == 0:
             medium = scene.media[scene.first_medium + path.medium]
-            law = law_of_channel(medium, path.channel)
-            u = float(0.0)
-            if path.from_medium == 1 and law.reciprocal == 1:
-                more = draw_more(seed, path.pixel, path.turn, path.bounce, EVENT)
-                u = sample_mm(law, path.xi[0], more[0], more[1])
-            else:
-                u = sample_sm(law, path.xi[0])
+            if wp.static(features.frozen):
+                path.rates = draw_rates(scene, path, medium, seed)
+            u = fly_by_law(scene, path, law_of_channel(medium, path.channel), seed)
             path.flight = path.segment + wp.min(u / medium.extinction[path.channel], 0.5 * INFINITE)
         return path
 
@@ -340,31 +411,37 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func(inline=True)
-    def lone_attenuation(medium: Medium, t: float, from_medium: bool) -> float:
+    def lone_attenuation(medium: Medium, t: float, from_medium: bool, rate: float) -> float:
         """Of a medium whose channels do not differ."""
-        return segment_transmittance(medium.law, mean_optical_depth(medium.extinction[0], t), from_medium)
+        return pass_segment(medium.law, mean_optical_depth(medium.extinction[0], t), from_medium, rate)
 
     # ---- meet: what of the scene does it find there, and does the light end here?
 
     @wp.func
-    def attenuation(medium: Medium, t: float, from_medium: bool) -> wp.vec3:
-        red = lone_attenuation(medium, t, from_medium)
+    def attenuation(medium: Medium, t: float, from_medium: bool, rates: wp.vec3) -> wp.vec3:
+        red = lone_attenuation(medium, t, from_medium, rates[0])
         if wp.static(features.chromatic):
             return wp.vec3(
                 red,
-                segment_transmittance(medium.law_green, mean_optical_depth(medium.extinction[1], t), from_medium),
-                segment_transmittance(medium.law_blue, mean_optical_depth(medium.extinction[2], t), from_medium),
+                pass_segment(medium.law_green, mean_optical_depth(medium.extinction[1], t), from_medium, rates[1]),
+                pass_segment(medium.law_blue, mean_optical_depth(medium.extinction[2], t), from_medium, rates[2]),
             )
         return wp.vec3(red)
 
     @wp.func
-    def channel_densities(medium: Medium, t: float, from_medium: bool) -> wp.vec3:
-        """Per channel, the density with which a flight ends at t."""
+    def channel_densities(medium: Medium, t: float, from_medium: bool, rates: wp.vec3) -> wp.vec3:
+        """Per channel, the density with which a flight ends at t; of one without length, the probability of that."""
+        shortest = SHORTEST_DEPTH / max_component(medium.extinction)
         densities = wp.vec3()
         for channel in range(3):
             extinction = medium.extinction[channel]
-            u = mean_optical_depth(extinction, t)
-            densities[channel] = extinction * flight_density(law_of_channel(medium, channel), u, from_medium)
+            law = law_of_channel(medium, channel)
+            if t > shortest:
+                u = mean_optical_depth(extinction, t)
+                densities[channel] = extinction * end_in_segment(law, u, from_medium, rates[channel])
+            else:
+                passed = pass_segment(law, extinction * shortest, from_medium, rates[channel])
+                densities[channel] = wp.max(1.0 - passed, 1.0e-7)
         return densities
 
     @wp.func
@@ -425,9 +502,10 @@ def build_program(features: RenderFeatures) -> Program:
                     densities = wp.vec3(1.0)
                     if scatters:
                         t = before.flight - before.segment
-                        densities = channel_densities(medium, t, before.from_medium == 1)
+                        densities = channel_densities(medium, t, before.from_medium == 1, before.rates)
                     else:
-                        densities = attenuation(medium, before.hit.t - before.segment, before.from_medium == 1)
+                        t = before.hit.t - before.segment
+                        densities = attenuation(medium, t, before.from_medium == 1, before.rates)
                     relative = densities / wp.max(densities[path.channel], 1.0e-37)
                     path.channel_pdfs = wp.cw_mul(path.channel_pdfs, relative)
         if wp.static(Aov.TRANSMITTANCE in features.aovs):
@@ -435,7 +513,7 @@ def build_program(features: RenderFeatures) -> Program:
                 if scatters or path.keeps == 0:
                     medium = scene.media[scene.first_medium + path.medium]
                     length = segment_end(scene, before) - before.segment
-                    path.first_transmittance = attenuation(medium, length, False)
+                    path.first_transmittance = attenuation(medium, length, False, wp.vec3(NOT_FROZEN))
                     path.has_met_medium = 1
         return path
 
@@ -485,7 +563,7 @@ def build_program(features: RenderFeatures) -> Program:
             if wp.static(Aov.TRANSMITTANCE in features.aovs):
                 length = wp.min(before.t_out, before.hit.t) - before.t_in
                 is_first = is_alive and before.depth == 0 and length >= 0.0
-                passed = lone_attenuation(lone, wp.max(length, 0.0), False)
+                passed = lone_attenuation(lone, wp.max(length, 0.0), False, NOT_FROZEN)
                 passed = wp.where(is_first, passed, before.first_transmittance[0])
                 path.first_transmittance = wp.vec3(passed, passed, passed)
 
@@ -548,7 +626,7 @@ def build_program(features: RenderFeatures) -> Program:
     # ---- connect: next-event estimation.
 
     @wp.func
-    def passage(scene: SceneData, path: Path, direction: wp.vec3, distance: float) -> Connection:
+    def passage(scene: SceneData, path: Path, direction: wp.vec3, distance: float, seed: wp.uint64) -> Connection:
         """What passes from a vertex to a light through the media between them."""
         result = Connection()
         result.transmittance = wp.vec3(1.0)
@@ -568,7 +646,11 @@ def build_program(features: RenderFeatures) -> Program:
                     start.crossed = hit.item
                     beyond = medium_at(scene.containers, start.inside)
                 if medium >= 0 and (hit.kind != BOUNDARY or beyond != medium):
-                    passed = attenuation(scene.media[scene.first_medium + medium], hit.t - segment, from_medium)
+                    crossed = scene.media[scene.first_medium + medium]
+                    rates = path.rates
+                    if wp.static(features.frozen and not freezes_at_birth):
+                        rates = draw_rates(scene, path, crossed, seed)
+                    passed = attenuation(crossed, hit.t - segment, from_medium, rates)
                     result.transmittance = wp.cw_mul(result.transmittance, passed)
             if hit.kind == MISS:
                 return result
@@ -634,7 +716,7 @@ def build_program(features: RenderFeatures) -> Program:
         towards = sample_light(light, light.kind, path.origin, xi[1], xi[2])
         path = aim_connection(path, lone, towards, light_count)
         if max_component(path.light_share) > 0.0:
-            link = passage(scene, path, path.to_light, path.light_distance)
+            link = passage(scene, path, path.to_light, path.light_distance, seed)
             path.truncated = wp.max(path.truncated, link.truncated)
             path.radiance += wp.cw_mul(path.light_share, link.transmittance)
         return path
@@ -689,7 +771,7 @@ def build_program(features: RenderFeatures) -> Program:
         path = before
         span = chord(solid_span(solid, kind, before.origin, before.to_light), before.start.inside != wp.uint32(0))
         length = wp.min(span[1], before.light_distance) - span[0]
-        passed = lone_attenuation(lone, wp.max(length, 0.0), before.from_medium == 1)
+        passed = lone_attenuation(lone, wp.max(length, 0.0), before.from_medium == 1, before.rates[0])
         path.light_share = before.light_share * wp.where(length > 0.0, passed, 1.0)
         return path
 
@@ -755,8 +837,9 @@ def build_program(features: RenderFeatures) -> Program:
         path.first_depth = INFINITE
         path.first_transmittance = wp.vec3(1.0, 1.0, 1.0)
         path.medium = -1
+        path.rates = wp.vec3(NOT_FROZEN)
         if wp.static(features.chromatic):
-            path.channel = wp.min(int(draw(seed, path.pixel, path.turn, 0, CHANNEL)[0] * 3.0), 2)
+            path.channel = wp.min(int(draw(seed, path.pixel, path.turn, 0, WHOLE_PATH)[0] * 3.0), 2)
             path.channel_pdfs = wp.vec3(1.0, 1.0, 1.0)
         return path
 
@@ -871,6 +954,8 @@ def build_program(features: RenderFeatures) -> Program:
         for sample in range(first_sample, first_sample + sample_count):
             waiting.sample = sample
             path = emit(scene.camera, scene.camera_inside, seed, waiting)
+            if wp.static(freezes_at_birth):
+                path.rates = draw_rates(scene, path, lone, seed)
             while path.alive == 1:
                 path = depart(path, seed)
                 if wp.static(features.media):
@@ -961,6 +1046,12 @@ def build_program(features: RenderFeatures) -> Program:
                 fresh = emit(camera, camera_inside, seed, path)
                 if path.alive == 0 and path.sample < end_sample:
                     store(lanes, i, fresh)
+            if wp.static(freezes_at_birth):
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    if path.alive == 1 and path.bounce == 0:
+                        path.rates = draw_rates(scene, path, lone, seed)
+                        store(lanes, i, path)
 
             for i in range(LANES):
                 path = load(lanes, i)

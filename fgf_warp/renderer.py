@@ -451,6 +451,7 @@ def _provenance(model: Model, image: int, samples: int) -> dict[str, Any]:
                 "b": m.line_law.b,
                 "kappa": m.line_law.kappa,
                 "transport": m.resolved_transport,
+                "line_variance": m.line_variance,
                 "priority": m.priority,
             }
             for m in variant.media

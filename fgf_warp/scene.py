@@ -17,13 +17,14 @@ from typing import Literal
 import numpy as np
 
 from fgf_warp.errors import SceneError
-from fgf_warp.theory.law import LineLaw, build_line_law
+from fgf_warp.theory.law import LINE_VARIANCES, LineLaw, LineVariance, build_line_law
+from fgf_warp.theory.mixture import MIXTURE_ERROR, mix_exact_rates
 from fgf_warp.theory.phase import DRAINE_ALPHA_MAX
 
 Rgb = tuple[float, float, float]
 Vec3 = tuple[float, float, float]
-Transport = Literal["reciprocal", "renewal"]
-TRANSPORTS: tuple[Transport, ...] = ("reciprocal", "renewal")
+Transport = Literal["reciprocal", "renewal", "mixed"]
+TRANSPORTS: tuple[Transport, ...] = ("reciprocal", "renewal", "mixed")
 PhaseFunction = Literal["isotropic", "hg", "two_lobe", "draine"]
 PHASE_FUNCTIONS: tuple[PhaseFunction, ...] = ("isotropic", "hg", "two_lobe", "draine")
 PHASE_PARAMETERS: dict[str, tuple[PhaseFunction, ...]] = {
@@ -118,7 +119,9 @@ class Medium:
         outer_scale: L [stage unit], > 0; needed where H > 0, not used elsewhere.
         kappa: authored directly, in [0, 1e8]; it then replaces the value that follows from S_w.
         extinction_color: multiplies `mean_extinction` per channel, >= 0. A channel of factor 0 is empty space.
-        transport: None chooses reciprocal where H >= -1/2 and renewal below.
+        transport: None chooses reciprocal where H >= -1/2 and renewal below, the only one there.
+        line_variance: ``exact`` where 0 < H < 1 takes the variance of each segment's own length, ``asymptotic`` that of
+            segments far below L; elsewhere both are the same, but for H > 1, where only the latter is known.
         priority: of nested media, the one with the highest priority fills the space.
 
     Raises:
@@ -139,6 +142,7 @@ class Medium:
     kappa: float | None = None
     extinction_color: Rgb = WHITE
     transport: Transport | None = None
+    line_variance: LineVariance = "asymptotic"
     priority: int = 0
 
     def __post_init__(self) -> None:
@@ -147,12 +151,17 @@ class Medium:
         self._check_phase()
         if self.transport not in (None, *TRANSPORTS):
             raise SceneError(f"{self.name}: transport = {self.transport!r}; accepted: {', '.join(TRANSPORTS)}")
+        if self.line_variance not in LINE_VARIANCES:
+            raise SceneError(
+                f"{self.name}: line_variance = {self.line_variance!r}; accepted: {', '.join(LINE_VARIANCES)}"
+            )
         self._line_law(self.mean_extinction)
         _check_range(self.name, "sigma_m", self.mean_extinction, ">= 0", lambda x: x >= 0)
         self._check_channels()
-        if self.transport == "reciprocal" and self.line_law.b < 0:
+        if self.transport in ("reciprocal", "mixed") and self.line_law.b < 0:
             raise SceneError(
-                f"{self.name}: transport = 'reciprocal' with H = {self.hurst:g}; accepted for H < -0.5: renewal only"
+                f"{self.name}: transport = {self.transport!r} with H = {self.hurst:g}; "
+                "accepted for H < -0.5: renewal only"
             )
 
     @cached_property
@@ -190,6 +199,32 @@ class Medium:
                     f"or a phase function that has it: {', '.join(kinds)}"
                 )
 
+    def check_segments(self, longest: float) -> None:
+        """Checks that the law holds for segments up to this length [stage unit].
+
+        Raises:
+            SceneError: where the exact variance of a fractional Brownian motion has no falling transmittance that far,
+                or in the mixed transport is no mixture of exponentials.
+        """
+        for line in self.channel_laws:
+            exact = line.exact_fbm
+            if exact is None:
+                continue
+            where = f"{self.name}: line_variance = 'exact' with L = {self.outer_scale:g}, kappa = {line.kappa:g}"
+            reach = line.longest_segment()
+            if longest > reach:
+                raise SceneError(
+                    f"{where}: the transmittance falls up to t = {reach:.4g} only, and segments are up to "
+                    f"{longest:.4g} long; accepted: a larger L, or line_variance = 'asymptotic'"
+                )
+            if self.transport == "mixed":
+                error = mix_exact_rates(exact, line.mean_extinction * longest).error
+                if error > MIXTURE_ERROR:
+                    raise SceneError(
+                        f"{where}: no mixture of exponentials has its transmittance (the nearest is {error:.1e} off), "
+                        "so that transport = 'mixed' has nothing to freeze; accepted: a larger L, or another transport"
+                    )
+
     def _check_channels(self) -> None:
         for channel, factor in zip(CHANNEL_NAMES, self.extinction_color, strict=True):
             where = f"{self.name}: extinction_color = {_listed(self.extinction_color)}: in {channel}"
@@ -214,6 +249,7 @@ class Medium:
                 mean_extinction=mean_extinction,
                 outer_scale=self.outer_scale,
                 kappa=self.kappa,
+                line_variance=self.line_variance,
             )
         except ValueError as error:
             raise SceneError(f"{self.name}: {error}") from error
@@ -222,6 +258,11 @@ class Medium:
     def resolved_transport(self) -> Transport:
         """The transport in force: as authored, else reciprocal where H >= -1/2 and renewal below."""
         return self.transport or ("reciprocal" if self.line_law.b >= 0 else "renewal")
+
+    @property
+    def freezes_paths(self) -> bool:
+        """True where the mixed transport freezes some: not those of an exponential."""
+        return self.transport == "mixed" and any(not law.is_exponential for law in self.channel_laws)
 
     @property
     def is_chromatic(self) -> bool:
@@ -420,7 +461,7 @@ class Scene:
         source: where the scene came from, for headers and messages.
 
     Raises:
-        SceneError: where a shape names a medium that is not there.
+        SceneError: where a shape names a medium that is not there, or is too large for the law of its medium.
     """
 
     camera: Camera
@@ -434,6 +475,9 @@ class Scene:
         for shape in self.shapes:
             if shape.medium is not None and not 0 <= shape.medium < len(self.media):
                 raise SceneError(f"{shape.name}: medium {shape.medium} is not one of the scene's {len(self.media)}")
+        for index, medium in enumerate(self.media):
+            if medium.line_variance == "exact" and (longest := self.longest_segment(index)) is not None:
+                medium.check_segments(longest)
 
     def medium_index(self, name: str | None = None) -> int:
         """Index of the medium called `name`, or of the only one.
@@ -451,8 +495,25 @@ class Scene:
 
     def medium_extent(self, index: int) -> float | None:
         """The longest side of the bounding boxes of the shapes that a medium fills [stage unit]; None of none."""
-        extents = (high - low for low, high in (shape_bounds(s) for s in self.shapes if s.medium == index))
+        extents = (high - low for low, high in self._medium_bounds(index))
         return max((float(extent.max()) for extent in extents), default=None)
+
+    def medium_thickness(self, index: int) -> float | None:
+        """The shortest side of the bounding box of what a medium fills, of several shapes the largest; None of none."""
+        extents = (high - low for low, high in self._medium_bounds(index))
+        return max((float(extent.min()) for extent in extents), default=None)
+
+    def longest_segment(self, index: int) -> float | None:
+        """A length that no segment in a medium exceeds [stage unit]; None where it fills nothing."""
+        bounds = self._medium_bounds(index)
+        if not bounds:
+            return None
+        lows, highs = zip(*bounds, strict=True)
+        one_after_the_other = sum(float(np.linalg.norm(high - low)) for low, high in bounds)
+        return min(one_after_the_other, float(np.linalg.norm(np.max(highs, axis=0) - np.min(lows, axis=0))))
+
+    def _medium_bounds(self, index: int) -> list[tuple[np.ndarray, np.ndarray]]:
+        return [shape_bounds(shape) for shape in self.shapes if shape.medium == index]
 
     def with_medium(self, index: int, medium: Medium) -> Scene:
         """The same scene with one medium replaced."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.bvh import build_wide_tree
-from fgf_warp.device import bvh, geometry, law, lights, medium, phase, surfaces
+from fgf_warp.device import bvh, geometry, law, lights, medium, phase, surfaces, tables
 from fgf_warp.device import camera as camera_device
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import LAW_KINDS, LIGHT_KINDS, SOLID_KINDS, Limits, SceneData
@@ -30,8 +30,9 @@ from fgf_warp.scene import (
     Surface,
 )
 from fgf_warp.settings import RenderSettings
-from fgf_warp.theory import kernels
+from fgf_warp.theory import fbm, kernels
 from fgf_warp.theory.law import LineLaw
+from fgf_warp.theory.mixture import RateMixture, mix_exact_rates, mix_rates
 
 MAX_CONTAINERS = 32
 """Shapes filled with a medium: one bit each in a path's state."""
@@ -76,7 +77,8 @@ def upload(
             f"{scene.source}: {len(containers)} shapes are filled with media; accepted: at most {MAX_CONTAINERS}"
         )
     solids = [_solid(shape, shapes, containers) for shape in shapes if isinstance(shape, Solid)]
-    media = [_medium(index, item) for own in media_of_images for index, item in enumerate(own)]
+    rows = LawTables()
+    media = [_medium(item, index, scene, rows) for own in media_of_images for index, item in enumerate(own)]
 
     data = SceneData()
     data.camera = _camera(scene.camera, settings.width, settings.height)
@@ -90,6 +92,7 @@ def upload(
     )
     data.media = wp.array(media, dtype=medium.Medium, device=device)
     data.media_count = len(scene.media)
+    data.tables = rows.upload(device)
     data.containers = wp.array([_container(s, scene) for s in containers], dtype=medium.Container, device=device)
     data.lights = wp.array(
         [build_device_light(light) for light in scene.lights if not isinstance(light, DomeLight)],
@@ -137,14 +140,41 @@ def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray)
 
 
 fit_flight = cache(kernels.fit_flight)
+tabulate_flights = cache(fbm.tabulate_flights)
 
 
-def build_device_law(line: LineLaw, reciprocal: bool) -> Any:
+class LawTables:
+    """Rows that laws look up, all in one array of the device."""
+
+    def __init__(self) -> None:
+        self._blocks: list[np.ndarray] = []
+        self._count = 0
+        self._known: dict[Hashable, Any] = {}
+
+    def add(self, key: Hashable, *columns: np.ndarray) -> Any:
+        """A table of up to three columns, whose first rises; of equal keys there is one."""
+        if key not in self._known:
+            table = tables.Table()
+            table.first, table.count = self._count, len(columns[0])
+            self._blocks.append(np.column_stack([*columns, *(np.zeros(table.count) for _ in range(3 - len(columns)))]))
+            self._count += table.count
+            self._known[key] = table
+        return self._known[key]
+
+    def upload(self, device: str) -> wp.array:
+        """The rows, (n,) vec3."""
+        rows = np.concatenate(self._blocks) if self._blocks else np.zeros((0, 3))
+        return wp.array(rows.astype(np.float32), dtype=wp.vec3, device=device)
+
+
+def build_device_law(line: LineLaw, reciprocal: bool, rows: LawTables | None = None, longest_depth: float = 0.0) -> Any:
     """The device's view of a line law.
 
     Args:
         line: what to describe.
         reciprocal: True for Tmm and Tms from medium vertices, False for the renewal transport.
+        rows: where a law with the exact variance has its flights.
+        longest_depth: u up to which they are needed.
     """
     result = law.Law()
     result.b = line.b
@@ -161,6 +191,13 @@ def build_device_law(line: LineLaw, reciprocal: bool) -> Any:
         result.fit_offset = math.log(line.kappa) + math.log((1 - line.b) / 2)
         result.fit_bend, result.fit_scale = fit.bend, fit.scale
         result.fit = law.Fit(*fit.coefficients)
+    exact = line.exact_fbm
+    if exact is not None and rows is not None:
+        result.two_hurst, result.outer_depth = 2 * exact.hurst, exact.outer_depth
+        for from_medium, name in ((False, "flights"), (True, "flights_from_medium")):
+            flights = tabulate_flights(exact, longest_depth, from_medium=from_medium)
+            columns = flights.ln_exponent, flights.ln_flight, flights.slope
+            setattr(result, name, rows.add((exact, longest_depth, name), *columns))
     return result
 
 
@@ -177,15 +214,25 @@ def build_device_meshes(shapes: Sequence[Shape], containers: Sequence[Shape], de
     return result
 
 
-def _medium(index: int, item: Medium) -> Any:
-    reciprocal = item.resolved_transport == "reciprocal"
-    channels = [build_device_law(line, reciprocal) for line in item.channel_laws]
+def _medium(item: Medium, index: int, scene: Scene, rows: LawTables) -> Any:
+    reciprocal = item.resolved_transport != "renewal"
+    longest = (scene.longest_segment(index) or 0.0) if item.line_variance == "exact" else 0.0
+    channels = []
+    for line in item.channel_laws:
+        longest_depth = line.mean_extinction * longest
+        channels.append(build_device_law(line, reciprocal, rows, longest_depth))
+        if item.freezes_paths:
+            mixture = _mixture(line, longest_depth)
+            channels[-1].rates = rows.add((line, longest_depth, "rates"), np.cumsum(mixture.weights), mixture.rates)
     result = medium.Medium()
     result.index = index
     result.extinction = wp.vec3(*(max(line.mean_extinction, EXTINCTION_FLOOR) for line in item.channel_laws))
     result.albedo = wp.vec3(*item.albedo)
     result.phase = _phase(item)
     result.law, result.law_green, result.law_blue = channels
+    thickness = scene.medium_thickness(index)
+    if item.freezes_paths and thickness is not None:
+        result.frozen_share = item.line_law.frozen_share(thickness)
     return result
 
 
@@ -194,6 +241,14 @@ def _phase(item: Medium) -> Any:
     result.asymmetry, result.draine_alpha = item.asymmetry, item.draine_alpha
     result.back_asymmetry, result.back_weight = item.back_asymmetry, item.back_weight
     return result
+
+
+def _mixture(line: LineLaw, longest_depth: float) -> RateMixture:
+    if line.is_exponential:
+        return RateMixture(np.array([float(kernels.log1p_ratio(line.kappa))]), np.ones(1), 0.0)
+    if line.exact_fbm is not None:
+        return mix_exact_rates(line.exact_fbm, longest_depth)
+    return mix_rates(line.b, line.kappa)
 
 
 def _container(shape: Shape, scene: Scene) -> Any:

@@ -1,7 +1,8 @@
 """The command line `fgf`: renders, datasets and the transmittance law.
 
 Exit codes: 0 fine; 2 the input is not accepted; 3 only a part could be made; 4 a file is damaged, or samples were
-not finite. What takes long to import is imported by the command that needs it.
+not finite; 5 a measurement is not as the theory says. What takes long to import is imported by the command that needs
+it.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from generators.plan import Plan
     from generators.run import Report
 
-EXIT_BAD_INPUT, EXIT_PARTIAL, EXIT_CORRUPT = 2, 3, 4
+EXIT_BAD_INPUT, EXIT_PARTIAL, EXIT_CORRUPT, EXIT_UNEXPECTED = 2, 3, 4, 5
 PLAN_ROWS = 20
 WARNINGS_SHOWN = 5
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
@@ -289,6 +290,9 @@ def law(
     ] = None,
     outer_scale: Annotated[float | None, typer.Option("--L", help="Outer scale [length], where H > 0.")] = None,
     kappa: Annotated[float | None, typer.Option("--kappa", help="In place of the value that follows from S_w.")] = None,
+    line_variance: Annotated[
+        str, typer.Option("--lineVariance", help="Of fractional Brownian motion: asymptotic, or exact.")
+    ] = "asymptotic",
     lengths: Annotated[
         str | None, typer.Option("--t", metavar="LIST", help="Segment lengths, with commas; default: around 1/sigma_m.")
     ] = None,
@@ -305,21 +309,24 @@ def law(
     """  # noqa: D301
     import json  # noqa: PLC0415
 
-    from fgf_warp.theory.law import REGIME_NAMES  # noqa: PLC0415
+    from fgf_warp.theory.law import LINE_VARIANCES, REGIME_NAMES  # noqa: PLC0415
     from generators.law import evaluate_law  # noqa: PLC0415
 
+    _check_choice("--lineVariance", line_variance, LINE_VARIANCES)
     found = evaluate_law(
         hurst=hurst,
         white_noise_scale=white_noise_scale,
         mean_extinction=mean_extinction,
         outer_scale=outer_scale,
         kappa=kappa,
+        line_variance=line_variance,
         lengths=_parse_lengths(lengths),
     )
     if as_json:
         typer.echo(json.dumps(found, indent=1, allow_nan=False))
         return
-    mean_free_path = "infinite" if found["mean_free_path"] is None else f"{found['mean_free_path']:.6g}"
+    no_mean = "infinite" if line_variance == "asymptotic" else "none"
+    mean_free_path = no_mean if found["mean_free_path"] is None else f"{found['mean_free_path']:.6g}"
     typer.echo(f"regime          {REGIME_NAMES[found['regime']]}")
     typer.echo(f"b               {found['b']:.6g}")
     typer.echo(f"kappa           {found['kappa']:.6g}")
@@ -328,6 +335,44 @@ def law(
     for row in zip(found["t"], found["transmittance"], found["free_flight_pdf"], strict=True):
         typer.echo("{:12.6g}  {:14.6g}  {:16.6g}".format(*row))
     _warn(found["warnings"])
+
+
+@app.command()
+def figures(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the page and its pictures.")] = Path(
+        "figures"
+    ),
+    preset: Annotated[str, typer.Option(help=f"{', '.join(PRESETS)}: size and noise of the pictures.")] = "balanced",
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Only this figure, repeatable; default: all.")
+    ] = None,
+    device: Device = "cpu",
+) -> None:
+    """Make the figures of the paper's supplement anew, with captions, as files and on one page.
+
+    Names: hurst, negative-law, negative-image, white-limit, scale. Figure white-limit tests whether H = -0.49 looks
+    like white noise, and says what it found; where the theory says otherwise, the exit code is 5.
+
+    \b
+    Example:
+      fgf figures --only white-limit --out trial
+    """  # noqa: D301
+    _start_warp(device)
+    from generators.figures.gallery import write_figures  # noqa: PLC0415
+
+    with _progress(counted=True) as progress:
+        task = progress.add_task("reading the scene", total=None)
+
+        def show(name: str, done: float, total: int) -> None:
+            progress.update(task, description=name, completed=done, total=total)
+
+        gallery = write_figures(out, preset=preset, device=device, only=only or (), progress=show)
+    for file in gallery.files:
+        typer.echo(f"wrote {file}")
+    for verdict in gallery.verdicts:
+        typer.echo(verdict.text)
+    if not all(verdict.passed for verdict in gallery.verdicts):
+        raise typer.Exit(EXIT_UNEXPECTED)
 
 
 def main() -> None:

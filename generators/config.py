@@ -158,7 +158,7 @@ class SweepConfig(_Model):
     aovs: list[Literal["depth", "variance", "transmittance", "albedo", "samples"]] = []
     png: bool = True
     exposure: Annotated[float, Field(ge=-EXPOSURE_MAX, le=EXPOSURE_MAX)] = 0.0
-    transport: Literal["reciprocal", "renewal"] | None = None
+    transport: Literal["reciprocal", "renewal", "mixed"] | None = None
     axes: dict[AxisParameter, AxisConfig] = {}
     draws: Count = 1
     output: str | None = None

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from fgf_warp.errors import ConfigError
-from fgf_warp.theory.kernels import density_sm, initial_rate, mean_free_path, transmittance_ss
-from fgf_warp.theory.law import build_line_law
+from fgf_warp.theory.kernels import initial_rate, mean_free_path
+from fgf_warp.theory.law import LineLaw, LineVariance, build_line_law
 
 DEFAULT_DEPTHS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 """sigma_m t of the lengths where none are asked for."""
@@ -23,6 +23,7 @@ def evaluate_law(
     mean_extinction: float,
     outer_scale: float | None = None,
     kappa: float | None = None,
+    line_variance: LineVariance = "asymptotic",
     lengths: Sequence[float] | None = None,
 ) -> dict[str, Any]:
     """Regime, b, kappa, mean free path, and transmittance and free-flight density at some lengths.
@@ -33,11 +34,12 @@ def evaluate_law(
         mean_extinction: sigma_m [1/length].
         outer_scale: L [length].
         kappa: in place of the value that follows from S_w.
+        line_variance: of fractional Brownian motion, asymptotic or exact.
         lengths: t [length], finite and >= 0; None takes some around 1/sigma_m.
 
     Returns:
-        JSON-ready, with the keys regime, b, kappa, mean_free_path [length] (None where infinite), t,
-        transmittance, free_flight_pdf [1/length] and warnings.
+        JSON-ready, with the keys regime, b, kappa, mean_free_path [length] (None where infinite, or where the law ends
+        before), t, transmittance, free_flight_pdf [1/length] and warnings.
 
     Raises:
         ConfigError: naming the parameter, its value and the accepted range.
@@ -51,26 +53,34 @@ def evaluate_law(
             mean_extinction=mean_extinction,
             outer_scale=outer_scale,
             kappa=kappa,
+            line_variance=line_variance,
         )
     except ValueError as error:
         raise ConfigError(str(error)) from error
-    t = np.array(_default_lengths(mean_extinction) if lengths is None else lengths, dtype=np.float64)
+    reach = law.longest_segment()
+    t = np.array(_default_lengths(mean_extinction, reach) if lengths is None else lengths, dtype=np.float64)
     if not (np.isfinite(t) & (t >= 0)).all():
         raise ConfigError(f"t = {', '.join(f'{value:g}' for value in t)}; accepted: finite numbers >= 0")
     u = mean_extinction * t
+    if (t > reach).any():
+        raise ConfigError(
+            f"t = {t.max():g}; accepted with the exact variance: at most {reach:.6g}, where Tr stops falling"
+        )
     # At u = 0 the formulas need kappa u^b, which for b < 0 has no value; the limits are known.
-    inside = np.where(u > 0, u, 1.0)
-    transmittance = np.where(u > 0, transmittance_ss(law.b, law.kappa, inside), 1.0)
-    density = np.where(u > 0, density_sm(law.b, law.kappa, inside), initial_rate(law.b, law.kappa))
-    mean = mean_free_path(law.b, law.kappa) / mean_extinction if mean_extinction > 0 else math.inf
+    inside = law.eval_kernels(np.where(u > 0, u, 1.0))
+    transmittance = np.where(u > 0, inside.transmittance_ss, 1.0)
+    density = np.where(u > 0, inside.density_sm, initial_rate(law.b, law.kappa))
     warnings = law.warnings(t.tolist())
+    mean = _mean_free_path(law)
+    if mean is None:
+        warnings.append(f"with the exact variance the law ends at t = {reach:.6g}, so there is no mean free path")
     if white_noise_scale is not None and kappa is not None:
         warnings.append(f"kappa = {kappa:g} takes the place of S_w = {white_noise_scale:g}")
     return {
         "regime": law.regime,
         "b": float(law.b),
         "kappa": float(law.kappa),
-        "mean_free_path": float(mean) if math.isfinite(mean) else None,
+        "mean_free_path": mean if mean is not None and math.isfinite(mean) else None,
         "t": t.tolist(),
         "transmittance": transmittance.tolist(),
         "free_flight_pdf": (mean_extinction * density).tolist(),
@@ -78,7 +88,14 @@ def evaluate_law(
     }
 
 
-def _default_lengths(mean_extinction: float) -> list[float]:
+def _mean_free_path(law: LineLaw) -> float | None:
+    """[length]; None where the law ends before it is known."""
+    if law.exact_fbm is not None:
+        return None
+    return mean_free_path(law.b, law.kappa) / law.mean_extinction if law.mean_extinction > 0 else math.inf
+
+
+def _default_lengths(mean_extinction: float, reach: float) -> list[float]:
     if mean_extinction == 0:
         raise ConfigError("sigma_m = 0 has no length of its own; say at which t to evaluate the law")
-    return [depth / mean_extinction for depth in DEFAULT_DEPTHS]
+    return [t for t in (depth / mean_extinction for depth in DEFAULT_DEPTHS) if t <= reach]

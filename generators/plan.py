@@ -139,6 +139,7 @@ def build_plan(config: SweepConfig, scene: Scene, width: int, height: int, devic
         }
         try:
             medium = _with_parameters(base, parameters, **others)
+            scene.with_medium(medium_index, medium)
         except SceneError as error:
             raise ConfigError(f"sample {index}: {error}") from error
         samples.append(Sample(index, parameters, medium, sample_seed(config.seed, index)))

@@ -6,6 +6,7 @@ KAPPAS = (1e-8, 1e-4, 1e-2, 0.3, 1.0, 10.0, 1e3, 1e8)
 BS = (-0.96, -0.5, -0.02, 0.0, 0.02, 0.2, 0.5, 0.9, 0.98, 1.0)
 LAWS = tuple(itertools.product(BS, KAPPAS))
 ASYMMETRIES = (0.0, 1e-7, -1e-7, 1e-3, 0.5, -0.8, 0.99, -0.99, 0.9999, -0.9999)
+TRANSPORTS = ("reciprocal", "renewal", "mixed")
 
 REGIMES = {
     "exponential": dict(),
@@ -14,6 +15,7 @@ REGIMES = {
     "pink near fBm": dict(hurst=-0.03, white_noise_scale=0.5),
     "negative": dict(hurst=-0.7, white_noise_scale=2.0),
     "fbm": dict(hurst=0.3, white_noise_scale=1.0, outer_scale=10.0),
+    "exact fbm": dict(hurst=0.1, white_noise_scale=0.5, outer_scale=12.0, line_variance="exact"),
     "kfbm": dict(hurst=1.6, white_noise_scale=0.05, outer_scale=4.0),
 }
 """Parameters of `Medium`, one set for each regime of the theory and one near its edge."""

@@ -30,6 +30,7 @@ ALLOWED = {
         "fgf_warp.settings",
         "fgf_warp.theory",
     ),
+    "fgf_warp.probes": ("fgf_warp.device", "fgf_warp.theory", "fgf_warp.upload"),
     "fgf_warp.renderer": (
         "fgf_warp",
         "fgf_warp.bvh",
@@ -57,6 +58,7 @@ ONLY_IN = {
         "fgf_warp.bvh_kernel",
         "fgf_warp.integrator",
         "fgf_warp.upload",
+        "fgf_warp.probes",
         "fgf_warp.renderer",
         "generators.cli",
     ),

@@ -10,7 +10,7 @@ from typing import Literal
 from pxr import Gf, Sdf, Usd, UsdShade
 
 from fgf_warp.errors import SceneError
-from fgf_warp.scene import WHITE, Medium, PhaseFunction, Rgb, Transport
+from fgf_warp.scene import WHITE, LineVariance, Medium, PhaseFunction, Rgb, Transport
 from usd_scenes import schema
 
 Boundary = Literal["none", "surface"]
@@ -32,6 +32,7 @@ def author_fgf_medium(
     kappa: float | None = None,
     extinction_color: Sequence[float] = WHITE,
     transport: Transport | None = None,
+    line_variance: LineVariance = "asymptotic",
     boundary: Boundary = "none",
     priority: int = 0,
 ) -> None:
@@ -54,6 +55,7 @@ def author_fgf_medium(
         kappa: in [0, 1e8]; replaces the value that follows from S_w.
         extinction_color: multiplies `mean_extinction` per channel, >= 0.
         transport: None chooses reciprocal where H >= -1/2 and renewal below.
+        line_variance: of fractional Brownian motion, ``asymptotic`` for segments far below L, or ``exact``.
         boundary: ``none`` lets light through unchanged, ``surface`` keeps the material's UsdPreviewSurface.
         priority: of nested media, the one with the highest priority fills the space.
 
@@ -79,6 +81,7 @@ def author_fgf_medium(
             kappa=None if kappa is None else float(kappa),
             extinction_color=_rgb(extinction_color),
             transport=transport,
+            line_variance=line_variance,
             priority=operator.index(priority),
         )
     except (TypeError, ValueError) as error:

@@ -53,6 +53,8 @@ class Path:
     """1: the segment began at a medium vertex, and its flight remembers the last one."""
     pdf_direction: float
     """pdf_solid_angle with which the path last scattered, at the ray's origin."""
+    rates: wp.vec3
+    """Per channel, at which the path is frozen in its medium, or NOT_FROZEN; equal unless the scene is chromatic."""
     channel: int
     """Whose law the flights are sampled from, in a chromatic scene."""
     channel_pdfs: wp.vec3
@@ -120,6 +122,8 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"to_light": 3, "light_distance": 1, "light_share": 3}
     if features.chromatic:
         sizes |= {"channel": 1, "channel_pdfs": 3}
+    if features.frozen:
+        sizes |= {"rates": 3 if features.chromatic else 1}
     if features.aovs:
         sizes |= {"first_depth": 1, "first_transmittance": 3, "first_albedo": 3, "has_met_medium": 1}
     return rows_of(sizes)
@@ -314,6 +318,11 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         if wp.static("channel" in at):
             path.channel = get_int(lanes, wp.static(at["channel"]), i)
             path.channel_pdfs = get3(lanes, wp.static(at["channel_pdfs"]), i)
+        if wp.static("rates" in at):
+            if wp.static(features.chromatic):
+                path.rates = get3(lanes, wp.static(at["rates"]), i)
+            else:
+                path.rates = wp.vec3(get(lanes, wp.static(at["rates"]), i))
         if wp.static("first_depth" in at):
             path.first_depth = get(lanes, wp.static(at["first_depth"]), i)
             path.first_transmittance = get3(lanes, wp.static(at["first_transmittance"]), i)
@@ -390,6 +399,11 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         if wp.static("channel" in at):
             put_int(lanes, wp.static(at["channel"]), i, path.channel)
             put3(lanes, wp.static(at["channel_pdfs"]), i, path.channel_pdfs)
+        if wp.static("rates" in at):
+            if wp.static(features.chromatic):
+                put3(lanes, wp.static(at["rates"]), i, path.rates)
+            else:
+                put(lanes, wp.static(at["rates"]), i, path.rates[0])
         if wp.static("first_depth" in at):
             put(lanes, wp.static(at["first_depth"]), i, path.first_depth)
             put3(lanes, wp.static(at["first_transmittance"]), i, path.first_transmittance)

@@ -7,6 +7,7 @@ against 50-digit values over kappa and u from 1e-8 to 1e8.
 import warp as wp
 
 from fgf_warp.device.numerics import exp_bounded, exp_or_zero, expm1_ratio, log_positive
+from fgf_warp.device.tables import Table
 
 EXPONENTIAL = wp.constant(0)
 """b = 0 or kappa = 0: exp(-rate u)."""
@@ -14,7 +15,11 @@ POWER = wp.constant(1)
 """b = 1: (1 + kappa u)^(-1/kappa)."""
 FRACTIONAL = wp.constant(2)
 """Any other b."""
+EXACT_FBM = wp.constant(3)
+"""b = 1, with the variance of finite segments: see `device/fbm.py`."""
 
+NOT_FROZEN = wp.constant(-1.0)
+"""Stands for the rate of a path that no rate was drawn for."""
 ESCAPED = wp.constant(1.0e30)
 """Saturated flight, beyond every scene."""
 LN_LARGEST = wp.constant(84.0)
@@ -39,13 +44,22 @@ class Law:
     rate: float
     """-Tr'(0) of the exponential kind."""
     reciprocal: int
-    """1: flights between medium vertices are Tmm and connections Tms; 0 (renewal): Tsm and Tss."""
+    """1: flights between medium vertices are Tmm and connections Tms, unless frozen; 0 (renewal): Tsm and Tss."""
     fit_offset: float
     """ln(kappa (1-b) / 2)."""
     fit_bend: float
     fit_scale: float
     fit: Fit
     """Of `theory.kernels.fit_flight`; these are used by the fractional kind."""
+    rates: Table
+    """Of frozen paths: rows (cumulative weight, rate)."""
+    two_hurst: float
+    """2H."""
+    outer_depth: float
+    """sigma_m L."""
+    flights: Table
+    flights_from_medium: Table
+    """Of `theory.fbm.tabulate_flights`; these are used by the exact fBm."""
 
 
 @wp.func(inline=True)
@@ -143,7 +157,8 @@ def transmittance_ms(law: Law, u: float) -> float:
 def density_mm(law: Law, u: float) -> float:
     """Tmm = Tr''(u) / -Tr'(0), b >= 0; relative error below 2e-5 + 1e-5 f(u)."""
     d1 = line_exponent_d1(law, u)
-    return (d1 * d1 - line_exponent_d2(law, u)) * transmittance_ss(law, u) / initial_rate(law)
+    d2 = line_exponent_d2(law, wp.max(u, TINY_U))
+    return (d1 * d1 - d2) * transmittance_ss(law, u) / initial_rate(law)
 
 
 @wp.func(inline=True)
@@ -160,6 +175,24 @@ def flight_density(law: Law, u: float, from_medium: bool) -> float:
     if from_medium and law.reciprocal == 1:
         return density_mm(law, u)
     return density_sm(law, u)
+
+
+@wp.func(inline=True)
+def frozen_transmittance(rate: float, u: float) -> float:
+    """Of a path that is classical at this rate >= 0; relative error below 1e-6 (1 + rate u)."""
+    return exp_or_zero(-rate * u)
+
+
+@wp.func(inline=True)
+def frozen_density(rate: float, u: float) -> float:
+    """Density in u of the next scattering event of such a path."""
+    return rate * frozen_transmittance(rate, u)
+
+
+@wp.func(inline=True)
+def fly_frozen(rate: float, exponent: float) -> float:
+    """Its flight u from E, at most ESCAPED."""
+    return wp.min(exponent / wp.max(rate, TINY_U), ESCAPED)
 
 
 @wp.func(inline=True)

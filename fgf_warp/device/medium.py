@@ -17,6 +17,8 @@ class Medium:
     """sigma_m per channel [1/stage unit], > 0."""
     albedo: wp.vec3
     phase: Phase
+    frozen_share: float
+    """Of paths, for which the medium is classical at a rate of their own: the mixed transport."""
     law: Law
     law_green: Law
     law_blue: Law

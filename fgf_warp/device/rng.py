@@ -37,8 +37,9 @@ EVENT = wp.constant(1)
 """Purpose: flight, roulette, and the two numbers of a new direction."""
 CONNECTION = wp.constant(2)
 """Purpose: which light, and where on it."""
-CHANNEL = wp.constant(3)
-"""Purpose: which channel's flights a path takes."""
+WHOLE_PATH = wp.constant(3)
+"""Purpose: which channel's flights a path takes, and, for each medium at a bounce of its own, whether and at which rate
+the path is frozen there."""
 PURPOSES = wp.constant(4)
 
 

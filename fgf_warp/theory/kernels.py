@@ -80,6 +80,29 @@ def initial_rate(b: ArrayLike, kappa: ArrayLike) -> np.ndarray:
     return np.where((b > 0) | (kappa == 0), 1.0, np.where(b == 0, log1p_ratio(kappa), 0.0))
 
 
+@dataclass(frozen=True, eq=False)
+class KernelValues:
+    """The four transport kernels at some optical depths.
+
+    Args:
+        transmittance_ss: Tss.
+        density_sm: Tsm.
+        transmittance_ms: Tms.
+        density_mm: Tmm.
+    """
+
+    transmittance_ss: np.ndarray
+    density_sm: np.ndarray
+    transmittance_ms: np.ndarray
+    density_mm: np.ndarray
+
+
+def compose_kernels(f: np.ndarray, d1: np.ndarray, d2: np.ndarray, rate: ArrayLike) -> KernelValues:
+    """The kernels of f = -ln Tr, its two derivatives and -Tr'(0)."""
+    passed = np.exp(-f)
+    return KernelValues(passed, d1 * passed, d1 * passed / rate, (d1**2 - d2) * passed / rate)
+
+
 def transmittance_ss(b: ArrayLike, kappa: ArrayLike, u: ArrayLike) -> np.ndarray:
     """Tss = Tr(u), between two uncorrelated ends."""
     return np.exp(-line_exponent(b, kappa, u))
@@ -97,9 +120,14 @@ def transmittance_ms(b: ArrayLike, kappa: ArrayLike, u: ArrayLike) -> np.ndarray
 
 def density_mm(b: ArrayLike, kappa: ArrayLike, u: ArrayLike) -> np.ndarray:
     """Tmm = Tr''(u) / -Tr'(0), the free-flight density between medium vertices; b >= 0."""
-    d1 = line_exponent_d1(b, kappa, u)
-    curvature = d1**2 - line_exponent_d2(b, kappa, u)
-    return curvature * transmittance_ss(b, kappa, u) / initial_rate(b, kappa)
+    return eval_kernels(b, kappa, u).density_mm
+
+
+def eval_kernels(b: ArrayLike, kappa: ArrayLike, u: ArrayLike) -> KernelValues:
+    """The four transport kernels at u > 0; those of medium vertices are NaN or infinite for b < 0."""
+    f, d1, d2 = (derivative(b, kappa, u) for derivative in (line_exponent, line_exponent_d1, line_exponent_d2))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return compose_kernels(f, d1, d2, initial_rate(b, kappa))
 
 
 def flight_from_exponent(b: ArrayLike, kappa: ArrayLike, exponent: ArrayLike) -> np.ndarray:

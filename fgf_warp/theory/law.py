@@ -5,7 +5,8 @@ Every regime of a fractional Gaussian field is one family in the mean optical de
     y(u) = kappa u^b        Tr(u) = exp(-u log1p(y) / y)
 
 with b = min(1 + 2H, 1) and kappa the line variance in units of the mean. Source: Guo et al. 2019, supplement,
-equations (9) to (14); (12) with its sign corrected.
+equations (9) to (14); (12) with its sign corrected. That of fractional Brownian motion is asymptotic, for t << L; with
+its exact variance, (11), the law has a third number, see `theory.fbm`.
 """
 
 from __future__ import annotations
@@ -15,8 +16,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from numpy.typing import ArrayLike
+
+from fgf_warp.theory import fbm, kernels
+
 Regime = Literal["exponential", "white", "pink", "negative", "fbm", "kfbm"]
-LawKind = Literal["exponential", "power", "fractional"]
+LawKind = Literal["exponential", "power", "fractional", "exact_fbm"]
+LineVariance = Literal["asymptotic", "exact"]
+LINE_VARIANCES: tuple[LineVariance, ...] = ("asymptotic", "exact")
 
 REGIME_NAMES: dict[Regime, str] = {
     "exponential": "classical exponential",
@@ -50,6 +57,8 @@ class LineLaw:
         hurst: H.
         mean_extinction: sigma_m [1/length].
         outer_scale: L [length], or None.
+        line_variance: ``exact`` where v(t) of a fractional Brownian motion is that of a finite segment; kappa is that
+            of the asymptotic one all the same.
     """
 
     regime: Regime
@@ -58,6 +67,7 @@ class LineLaw:
     hurst: float
     mean_extinction: float
     outer_scale: float | None
+    line_variance: LineVariance = "asymptotic"
 
     @property
     def is_exponential(self) -> bool:
@@ -66,14 +76,48 @@ class LineLaw:
 
     @property
     def kind(self) -> LawKind:
-        """Which of the law's three forms applies: b = 0 or no correlation, b = 1, or any other b."""
+        """Which of the law's forms applies: b = 0 or no correlation, b = 1, any other b, or an exact variance."""
         if self.is_exponential:
             return "exponential"
+        if self.exact_fbm is not None:
+            return "exact_fbm"
         return "power" if self.b == 1 else "fractional"
 
-    def line_variance(self, t: float) -> float:
+    @property
+    def exact_fbm(self) -> fbm.ExactFbm | None:
+        """The law with the exact variance, where that is not the asymptotic one."""
+        if self.line_variance == "asymptotic" or self.regime != "fbm":
+            return None
+        assert self.outer_scale is not None
+        return fbm.ExactFbm(self.hurst, self.kappa, self.mean_extinction * self.outer_scale)
+
+    def variance(self, t: float) -> float:
         """v(t): variance of the extinction averaged over a segment of length t > 0 [1/length^2]."""
-        return self.kappa * (self.mean_extinction * t) ** self.b * self.mean_extinction / t
+        asymptotic = self.kappa * (self.mean_extinction * t) ** self.b * self.mean_extinction / t
+        exact = self.exact_fbm
+        if exact is None:
+            return asymptotic
+        return asymptotic * float(fbm.variance_ratio(exact.hurst, self.mean_extinction * t / exact.outer_depth))
+
+    def eval_kernels(self, u: ArrayLike) -> kernels.KernelValues:
+        """The four transport kernels at mean optical depths u > 0."""
+        exact = self.exact_fbm
+        return kernels.eval_kernels(self.b, self.kappa, u) if exact is None else fbm.eval_kernels(exact, u)
+
+    def longest_segment(self) -> float:
+        """The t up to which the law holds [length]: Tr of an exact variance would rise again; inf for the others."""
+        exact = self.exact_fbm
+        return math.inf if exact is None else fbm.falls_until(exact) / self.mean_extinction
+
+    def frozen_share(self, thickness: float) -> float:
+        """The share of paths that the mixed transport freezes in a medium of this thickness [length].
+
+        b, and for an exact variance 1 + d ln v / d ln t at t = thickness, of which what exceeds 1 is all paths.
+        """
+        exact = self.exact_fbm
+        if exact is None:
+            return self.b
+        return min(1.0, float(fbm.local_exponent(exact.hurst, self.mean_extinction * thickness / exact.outer_depth)))
 
     def warnings(self, lengths: Sequence[float] = ()) -> list[str]:
         """What a user should know about these parameters, one sentence each.
@@ -87,13 +131,15 @@ class LineLaw:
                 f"H = {self.hurst:g} is just above -0.5 (b = {self.b:.3g} < {CLUSTER_B:g}): in the reciprocal "
                 "transport scattering events cluster, and the picture is not that of H = -0.5"
             )
-        if self.regime in ("fbm", "kfbm") and self.outer_scale is not None and lengths:
+        is_asymptotic = self.regime in ("fbm", "kfbm") and self.exact_fbm is None
+        if is_asymptotic and self.outer_scale is not None and lengths:
             longest = max(lengths)
             order = (longest / self.outer_scale) ** min(1.0, 2.0 * self.hurst)
             if order > FBM_ERROR:
                 found.append(
                     f"t = {longest:g} is not far below the outer scale L = {self.outer_scale:g}: "
                     f"the asymptotic variance of H = {self.hurst:g} is off by the order of {order:.0%}"
+                    + ("; the exact one is to be had by lineVariance = exact" if self.regime == "fbm" else "")
                 )
         if self.kappa > 1:
             found.append(f"kappa = {self.kappa:.4g} > 1: the Gamma law of the line average is then a modelling choice")
@@ -109,6 +155,7 @@ def build_line_law(
     mean_extinction: float,
     outer_scale: float | None = None,
     kappa: float | None = None,
+    line_variance: LineVariance = "asymptotic",
 ) -> LineLaw:
     """The line law of a medium; section 3 of the theory is its domain.
 
@@ -118,6 +165,8 @@ def build_line_law(
         mean_extinction: sigma_m [1/length], > 0; >= 0 where S_w = 0.
         outer_scale: L > 0 [length]; required where H > 0.
         kappa: in [0, 1e8]; replaces the value that follows from S_w.
+        line_variance: ``exact`` takes the variance of finite segments where 0 < H < 1, which needs L even where kappa
+            is given; for H < 0 both are the same, and for H > 1 only the asymptotic one is known.
 
     Raises:
         ValueError: naming the parameter, its value and the accepted range.
@@ -140,8 +189,12 @@ def build_line_law(
     )
     if outer_scale is not None:
         _check("L", outer_scale, "> 0", outer_scale > 0)
-    elif hurst > 0 and correlated and kappa is None:
+    elif hurst > 0 and correlated and (kappa is None or line_variance == "exact"):
         raise ValueError(f"H = {hurst:g} needs an outer scale L; accepted: > 0")
+    if line_variance not in LINE_VARIANCES:
+        raise ValueError(f"line_variance = {line_variance!r}; accepted: {', '.join(LINE_VARIANCES)}")
+    if line_variance == "exact" and hurst > 1 and correlated:
+        raise ValueError(f"line_variance = 'exact' with H = {hurst:g}; accepted for H > 1: asymptotic only")
     if kappa is None:
         kappa = _kappa(hurst, white_noise_scale, mean_extinction, outer_scale) if correlated else 0.0
         origin = f" (from S_w = {white_noise_scale:g}, sigma_m = {mean_extinction:g}, H = {hurst:g})"
@@ -155,6 +208,7 @@ def build_line_law(
         hurst=hurst,
         mean_extinction=mean_extinction,
         outer_scale=outer_scale,
+        line_variance=line_variance,
     )
 
 

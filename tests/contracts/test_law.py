@@ -44,7 +44,7 @@ def test_variance_at_50_digits(reference):
             hurst=t["H"][i], white_noise_scale=t["S_w"][i], mean_extinction=t["sigma_m"][i], outer_scale=t["L"][i]
         )
         assert law.regime == t["regime"][i]
-        assert_relative([law.b, law.kappa, law.line_variance(t["t"][i])], [t["b"][i], t["kappa"][i], t["v"][i]])
+        assert_relative([law.b, law.kappa, law.variance(t["t"][i])], [t["b"][i], t["kappa"][i], t["v"][i]])
         if t["Tr"][i] > 1e-300:
             u = t["sigma_m"][i] * t["t"][i]
             assert_relative([kernels.transmittance_ss(law.b, law.kappa, u)], [t["Tr"][i]])

@@ -7,12 +7,11 @@ from itertools import product
 
 import numpy as np
 import pytest
-import warp as wp
 
+from fgf_warp import probes
 from fgf_warp.scene import PHASE_FUNCTIONS
 from fgf_warp.theory import phase
 from tests import stats
-from tests.contracts import device_kernels
 from tests.grid import ASYMMETRIES
 
 AXIS = np.array([0.48, -0.6, 0.64])
@@ -98,25 +97,10 @@ def directions(one_minus_cos):
     return AXIS * (1 - one_minus_cos)[:, None] + across * sine[:, None]
 
 
-def evaluate(kinds, parameters, wi) -> np.ndarray:
-    """The device's values, of a kernel that is built for these kinds."""
-    out = wp.zeros(len(wi), dtype=float, device="cpu")
-    one = device_kernels.device_phase(**parameters)
-    inputs = [one, wp.vec3(*AXIS), wp.array(wi.astype(np.float32), dtype=wp.vec3, device="cpu")]
-    kernel = device_kernels.phase_kernels(frozenset(kinds))[0]
-    wp.launch(kernel, dim=len(wi), inputs=inputs, outputs=[out], device="cpu")
-    return out.numpy()
-
-
 def sample(kinds, parameters, n=100_000, seed=3) -> np.ndarray:
     """The device's directions, of a kernel that is built for these kinds."""
     xi = np.random.default_rng(seed).random((n, 2)).astype(np.float32)
-    out = wp.zeros(n, dtype=wp.vec3, device="cpu")
-    one = device_kernels.device_phase(**parameters)
-    inputs = [one, wp.vec3(*AXIS), wp.array(xi, dtype=wp.vec2, device="cpu")]
-    kernel = device_kernels.phase_kernels(frozenset(kinds))[1]
-    wp.launch(kernel, dim=n, inputs=inputs, outputs=[out], device="cpu")
-    return out.numpy().astype(np.float64)
+    return probes.sample_phase(kinds, parameters, AXIS, xi).astype(np.float64)
 
 
 @cache
@@ -126,13 +110,6 @@ def uniforms() -> np.ndarray:
     return np.unique(
         np.concatenate([low, 1 - low, np.linspace(1e-3, 1, 5000)[:-1]]).astype(np.float32).clip(0, 1 - 6e-8)
     )
-
-
-def on_device(kernel, xi, *parameters, dtype=float) -> np.ndarray:
-    out = wp.zeros(xi.size, dtype=dtype, device="cpu")
-    inputs = [*parameters, wp.array(xi, dtype=float, device="cpu")]
-    wp.launch(kernel, dim=xi.size, inputs=inputs, outputs=[out], device="cpu")
-    return out.numpy().astype(np.float64)
 
 
 def test_every_phase_function_is_here():
@@ -154,8 +131,8 @@ def test_eval_twin(kind, parameters):
     # Directions are float32 themselves: beside the function's own bound, an angle off by 3e-7 moves the value.
     angle = 2 * np.arcsin(np.sqrt(v / 2))
     nearby = [CONTRACTS[kind].value(2 * np.sin((angle + d) / 2) ** 2, **parameters) for d in (-3e-7, 3e-7)]
-    allowed = 1e-5 * expected + np.abs(nearby - expected).max(axis=0)
-    assert np.all(np.abs(evaluate({kind}, parameters, directions(v)) - expected) <= allowed)
+    allowed = probes.HG_BOUND * expected + np.abs(nearby - expected).max(axis=0)
+    assert np.all(np.abs(probes.eval_phase({kind}, parameters, AXIS, directions(v)) - expected) <= allowed)
 
 
 @EVERY_CASE
@@ -177,7 +154,7 @@ def test_sampler_follows_the_density(kind, parameters):
 def test_a_kernel_of_all_kinds_scatters_alike(kind, parameters):
     """What other media of the scene need changes nothing but roundings, which a sharp peak magnifies."""
     wi = directions(np.linspace(0, 2, 50))
-    alone, together = (evaluate(kinds, parameters, wi) for kinds in ({kind}, PHASE_FUNCTIONS))
+    alone, together = (probes.eval_phase(kinds, parameters, AXIS, wi) for kinds in ({kind}, PHASE_FUNCTIONS))
     assert np.allclose(together, alone, rtol=1e-6)
     if max(abs(parameters.get(name, 0)) for name in ("asymmetry", "back_asymmetry")) <= 0.8:
         alone, together = (sample(kinds, parameters, 2000) for kinds in ({kind}, PHASE_FUNCTIONS))
@@ -187,8 +164,8 @@ def test_a_kernel_of_all_kinds_scatters_alike(kind, parameters):
 @pytest.mark.parametrize("g", [abs(g) for g in ASYMMETRIES])
 def test_sample_hg_twin(g):
     g, xi = float(np.float32(g)), uniforms()
-    found = on_device(device_kernels.sample_hg_cosine_kernel, xi, g)
-    assert np.abs(found / phase.sample_hg_one_minus_cos(g, xi) - 1).max() <= 1e-6
+    found = probes.sample_hg_one_minus_cos(g, xi)
+    assert np.abs(found / phase.sample_hg_one_minus_cos(g, xi) - 1).max() <= probes.HG_COSINE_BOUND
 
 
 @pytest.mark.parametrize("alpha", ALPHAS)
@@ -196,14 +173,14 @@ def test_sample_hg_twin(g):
 def test_sample_draine_twin(g, alpha):
     """The error in the angle is stated, and measured here, as what lies between the two angles."""
     g, alpha, xi = float(np.float32(g)), float(np.float32(alpha)), uniforms()
-    found = on_device(device_kernels.sample_draine_cosine_kernel, xi, g, alpha)
+    found = probes.sample_draine_one_minus_cos(g, alpha, xi)
     assert np.all((found >= 0) & (found <= 2))
     if g > 0.9999:
         return
     expected = phase.sample_draine_one_minus_cos(g, alpha, xi)
     between = np.abs(found - expected) * 2 * np.pi * phase.eval_draine(g, alpha, expected)
-    assert between.max() <= 5e-7
-    assert (between / xi)[expected < 1].max() <= 1e-6
+    assert between.max() <= probes.DRAINE_BOUND
+    assert (between / xi)[expected < 1].max() <= probes.DRAINE_FORWARD_BOUND
 
 
 @pytest.mark.parametrize("alpha", ALPHAS)
@@ -221,18 +198,18 @@ def test_draines_sampler_inverts_its_density(g, alpha):
 def test_choose_lobe_twin(weight):
     """The device's number may lie on the other side of the limit where it is within its rounding."""
     weight, xi = float(np.float32(weight)), uniforms()
-    lobe, place = on_device(device_kernels.choose_lobe_kernel, xi, weight, dtype=wp.vec2).T
+    lobe, place = probes.choose_lobe(weight, xi)
     expected_lobe, expected_place = phase.choose_lobe(0.0, 1.0, weight, xi)
     clear = np.abs(xi - min(weight, 1 - weight)) > 1e-7
     assert np.array_equal(lobe[clear], expected_lobe[clear])
-    assert np.abs(place - expected_place)[clear].max() <= 4e-7
+    assert np.abs(place - expected_place)[clear].max() <= probes.LOBE_BOUND
 
 
 @pytest.mark.parametrize("weight", [1e-6, 1 - 1e-6])
 def test_the_rarer_lobe_keeps_its_digits(weight):
     """Numbers 2^-32 apart, as the generator makes them, are different places in the lobe."""
     xi = (np.arange(1, 4000) * 2.0**-32).astype(np.float32)
-    lobe, place = on_device(device_kernels.choose_lobe_kernel, xi, weight, dtype=wp.vec2).T
+    lobe, place = probes.choose_lobe(weight, xi)
     assert np.all(lobe == (weight < 0.5))
     assert np.all(np.diff(place) > 2e-4)
 
@@ -261,7 +238,10 @@ LIMITS = [
 def test_limits(kind, parameters, limit, limit_parameters):
     """The same values, and the same directions from the same numbers."""
     wi = directions(np.linspace(0, 2, 50))
-    assert np.allclose(evaluate({kind}, parameters, wi), evaluate({limit}, limit_parameters, wi), rtol=1e-6)
+    found, expected = (
+        probes.eval_phase({one}, own, AXIS, wi) for one, own in ((kind, parameters), (limit, limit_parameters))
+    )
+    assert np.allclose(found, expected, rtol=1e-6)
     found, expected = sample({kind}, parameters, 5000), sample({limit}, limit_parameters, 5000)
     assert np.abs(found - expected).max() <= 1e-5
 
@@ -270,5 +250,5 @@ def test_draine_at_its_limit_is_rayleigh():
     v = np.linspace(0, 2, 50)
     expected = 3 / (16 * np.pi) * (1 + (1 - v) ** 2)
     assert np.allclose(phase.eval_draine(0.0, 1.0, v), expected, rtol=1e-14)
-    found = evaluate({"draine"}, {"asymmetry": 0.0, "draine_alpha": 1.0}, directions(v))
+    found = probes.eval_phase({"draine"}, {"draine_alpha": 1.0}, AXIS, directions(v))
     assert np.allclose(found, expected, rtol=1e-6)

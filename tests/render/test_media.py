@@ -1,5 +1,6 @@
 """Media seen without scattering, where the picture is the law itself; nesting; chromatic extinction."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,6 @@ import pytest
 from fgf_warp.renderer import render
 from fgf_warp.scene import DistantLight, Medium, Mesh, Solid, Surface
 from fgf_warp.settings import Aov, RenderSettings
-from fgf_warp.theory import kernels
 from tests import stats
 from tests.grid import PHASES, REGIMES
 from tests.scenes import camera, furnace, transform
@@ -23,13 +23,14 @@ def through_the_middle(scene):
 
 
 def transmittance(medium: Medium, t: float) -> float:
-    law = medium.line_law
-    return float(kernels.transmittance_ss(law.b, law.kappa, medium.mean_extinction * t))
+    return float(medium.line_law.eval_kernels(medium.mean_extinction * t).transmittance_ss)
 
 
-@pytest.mark.parametrize("regime", REGIMES)
-def test_absorbing_sphere_shows_the_law(regime):
-    scene = through_the_middle(furnace(albedo=BLACK, **REGIMES[regime]))
+@pytest.mark.parametrize(
+    ("regime", "transport"), [*((regime, None) for regime in REGIMES), ("pink", "mixed"), ("exact fbm", "mixed")]
+)
+def test_absorbing_sphere_shows_the_law(regime, transport):
+    scene = through_the_middle(furnace(albedo=BLACK, transport=transport, **REGIMES[regime]))
     result = render(scene, replace(SETTINGS, aovs=frozenset(Aov)))
     expected = transmittance(scene.media[0], 2.0)
     stats.assert_means(*stats.image_mean(result), expected, detects=0.2)
@@ -152,8 +153,16 @@ def test_a_medium_that_stands_on_a_floor(kinds):
     stats.assert_images_agree(picture(0.0, 1), picture(1e-3, 2), blocks=4, detects=0.02)
 
 
-@pytest.mark.parametrize("regime", ["white", "pink", "fbm"])
-@pytest.mark.parametrize("transport", ["reciprocal", "renewal"])
+@pytest.mark.parametrize(
+    ("regime", "transport"),
+    [
+        *itertools.product(("white", "pink", "fbm"), ("reciprocal", "renewal")),
+        *itertools.product(("pink", "exact fbm"), ("mixed",)),
+        ("kfbm", "reciprocal"),
+        ("exact fbm", "reciprocal"),
+        ("negative", "renewal"),
+    ],
+)
 def test_chromatic_extinction_is_three_media(regime, transport):
     """Each channel of a chromatic render against a render of that channel's extinction alone."""
     color, albedo = (1.0, 0.4, 0.1), (0.9, 0.7, 0.99)

@@ -27,6 +27,7 @@ VALUES = {
     "outer_scale": 40.0,
     "extinction_color": (1.0, 0.5, 0.25),
     "transport": "renewal",
+    "line_variance": "exact",
     "priority": 3,
 }
 

@@ -28,6 +28,7 @@ FALLBACKS = {
     "inputs:fgf:outerScale": None,
     "inputs:fgf:kappa": None,
     "fgf:transport": None,
+    "fgf:lineVariance": "asymptotic",
     "fgf:boundary": "none",
     "fgf:priority": 0,
 }
@@ -70,7 +71,8 @@ def test_limits_are_those_of_the_law(material: Usd.Prim) -> None:
 
 def test_only_what_cannot_vary_is_uniform(material: Usd.Prim) -> None:
     uniform = {name for name in FALLBACKS if material.GetAttribute(name).GetVariability() == Sdf.VariabilityUniform}
-    assert uniform == {"fgf:phaseFunction", "fgf:transport", "fgf:boundary", "fgf:priority"}
+    words = {"fgf:phaseFunction", "fgf:transport", "fgf:lineVariance", "fgf:boundary"}
+    assert uniform == words | {"fgf:priority"}
 
 
 def test_registering_twice_is_harmless() -> None:

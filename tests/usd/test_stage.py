@@ -405,7 +405,7 @@ def test_the_cloud_clears_as_hurst_rises_to_zero() -> None:
 
 def transmittance(medium, hurst: float, t: float) -> float:
     """Tr(t) = (1 + t v / sigma_m)^(-sigma_m^2 / v) of the medium at another H."""
-    v = replace(medium, hurst=hurst).line_law.line_variance(t)
+    v = replace(medium, hurst=hurst).line_law.variance(t)
     return (1 + t * v / medium.mean_extinction) ** (-(medium.mean_extinction**2) / v)
 
 

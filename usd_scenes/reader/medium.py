@@ -7,13 +7,17 @@ from typing import Any
 from pxr import Usd
 
 from fgf_warp.errors import SceneError
-from fgf_warp.scene import PHASE_FUNCTIONS, TRANSPORTS, Medium
+from fgf_warp.scene import LINE_VARIANCES, PHASE_FUNCTIONS, TRANSPORTS, Medium
 from usd_scenes import schema
 from usd_scenes.reader.attributes import is_authored, plain_source, read_color, read_number, read_token
 from usd_scenes.reader.context import StageContext
 
 COLORS = ("extinction_color", "albedo")
-WORDS: dict[str, tuple[str, ...]] = {"transport": TRANSPORTS, "phase_function": PHASE_FUNCTIONS}
+TOKENS: dict[str, tuple[str, ...]] = {
+    "transport": TRANSPORTS,
+    "line_variance": LINE_VARIANCES,
+    "phase_function": PHASE_FUNCTIONS,
+}
 ONLY_WHERE_AUTHORED = ("outer_scale", "kappa")
 SYMBOLS = {
     "sigma_m": "mean_extinction",
@@ -67,8 +71,8 @@ def ends_in_surface(material: Usd.Prim, context: StageContext) -> bool:
 def _read_field(field: str, attribute: Usd.Attribute, time: Usd.TimeCode) -> object:
     if field in COLORS:
         return read_color(attribute, time)
-    if field in WORDS:
-        return read_token(attribute, time, WORDS[field])
+    if field in TOKENS:
+        return read_token(attribute, time, TOKENS[field])
     if field == "priority":
         return int(read_number(attribute, time, accepted="an integer", holds=float.is_integer))
     return read_number(attribute, time)

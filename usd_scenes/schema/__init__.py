@@ -29,6 +29,7 @@ MEDIUM_ATTRIBUTES: dict[str, str] = {
     "outer_scale": "inputs:fgf:outerScale",
     "kappa": "inputs:fgf:kappa",
     "transport": "fgf:transport",
+    "line_variance": "fgf:lineVariance",
     "priority": "fgf:priority",
 }
 """Which attribute holds each field of `fgf_warp.scene.Medium`."""
