@@ -8,12 +8,15 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike
 
-from fgf_warp.device import law, phase
+from fgf_warp.device import fbm, law, phase
 from fgf_warp.device.law import Law
 from fgf_warp.device.options import kernel_options
 from fgf_warp.device.phase import Phase
+from fgf_warp.device.tables import Table, draw_from
+from fgf_warp.theory.fbm import ExactFbm
 from fgf_warp.theory.law import LineLaw
-from fgf_warp.upload import build_device_law
+from fgf_warp.theory.mixture import RateMixture
+from fgf_warp.upload import LawTables, build_device_law
 
 wp.set_module_options(kernel_options(meshes=False))
 
@@ -79,6 +82,37 @@ def _sample_law(
     out[0, i] = law.sample_sm(one, xi[i][0])
     if one.b >= 0.0:
         out[1, i] = law.sample_mm(one, xi[i][0], xi[i][1], xi[i][2])
+
+
+@wp.kernel
+def _eval_exact_fbm(laws: wp.array(dtype=Law), u: wp.array(dtype=float), out: wp.array2d(dtype=float)):
+    i = wp.tid()
+    one = laws[0]
+    out[0, i] = fbm.line_exponent(one, u[i])
+    out[1, i] = fbm.line_exponent_d1(one, u[i])
+    out[2, i] = fbm.line_exponent_d2(one, u[i])
+    out[3, i] = fbm.segment_transmittance(one, u[i], False)
+    out[4, i] = fbm.flight_density(one, u[i], False)
+    out[5, i] = fbm.segment_transmittance(one, u[i], True)
+    out[6, i] = fbm.flight_density(one, u[i], True)
+
+
+@wp.kernel
+def _sample_exact_fbm(
+    laws: wp.array(dtype=Law),
+    tables: wp.array(dtype=wp.vec3),
+    from_medium: bool,
+    xi: wp.array(dtype=float),
+    out: wp.array(dtype=float),
+):
+    i = wp.tid()
+    out[i] = fbm.sample_flight(laws[0], tables, xi[i], from_medium)
+
+
+@wp.kernel
+def _draw_rates(tables: wp.array(dtype=wp.vec3), table: Table, xi: wp.array(dtype=float), out: wp.array(dtype=float)):
+    i = wp.tid()
+    out[i] = draw_from(tables, table, xi[i])
 
 
 @cache
@@ -168,6 +202,37 @@ def sample_law(b: ArrayLike, kappa: ArrayLike, xi: ArrayLike, device: str = "cpu
     return dict(zip(FLIGHT_BOUNDS, out.numpy().reshape(2, *shape), strict=True))
 
 
+def eval_exact_fbm(line: ExactFbm, u: ArrayLike, device: str = "cpu") -> dict[str, np.ndarray]:
+    """Every function of the law with the exact variance, by the names in `LAW_BOUNDS`, (n,) float32, at u > 0, (n,)."""
+    laws, _ = _device_exact_fbm(line, line.outer_depth * 1e-6, device)
+    depths = _array(u, float, device)
+    out = wp.zeros((len(LAW_BOUNDS), depths.size), dtype=float, device=device)
+    wp.launch(_eval_exact_fbm, dim=depths.size, inputs=[laws, depths], outputs=[out], device=device)
+    return dict(zip(LAW_BOUNDS, out.numpy(), strict=True))
+
+
+def sample_exact_fbm(
+    line: ExactFbm, farthest: float, xi: ArrayLike, *, from_medium: bool, device: str = "cpu"
+) -> np.ndarray:
+    """Its flights from uniforms (n,), (n,) float32; those beyond u = `farthest` have escaped."""
+    laws, tables = _device_exact_fbm(line, farthest, device)
+    uniforms = _array(xi, float, device)
+    out = wp.zeros(uniforms.size, dtype=float, device=device)
+    inputs = [laws, tables, from_medium, uniforms]
+    wp.launch(_sample_exact_fbm, dim=out.size, inputs=inputs, outputs=[out], device=device)
+    return out.numpy()
+
+
+def draw_rates(mixture: RateMixture, xi: ArrayLike, device: str = "cpu") -> np.ndarray:
+    """Rates of frozen paths from uniforms (n,), (n,) float32."""
+    rows = LawTables()
+    table = rows.add("rates", np.cumsum(mixture.weights), mixture.rates)
+    uniforms = _array(xi, float, device)
+    out = wp.zeros(uniforms.size, dtype=float, device=device)
+    wp.launch(_draw_rates, dim=out.size, inputs=[rows.upload(device), table, uniforms], outputs=[out], device=device)
+    return out.numpy()
+
+
 def eval_phase(
     kinds: Collection[str], parameters: Mapping[str, float], w: ArrayLike, wi: ArrayLike, device: str = "cpu"
 ) -> np.ndarray:
@@ -244,6 +309,14 @@ def _device_laws(b: np.ndarray, kappa: np.ndarray, device: str) -> tuple[Any, An
         for b, kappa in pairs.tolist()
     ]
     return wp.array(made, dtype=Law, device=device), _array(which.ravel(), int, device)
+
+
+def _device_exact_fbm(line: ExactFbm, farthest: float, device: str) -> tuple[Any, Any]:
+    """The law, and the tables that it looks up."""
+    rows = LawTables()
+    described = LineLaw("fbm", 1.0, line.kappa, line.hurst, 1.0, line.outer_depth, "exact")
+    made = build_device_law(described, reciprocal=True, rows=rows, longest_depth=farthest)
+    return wp.array([made], dtype=Law, device=device), rows.upload(device)
 
 
 def _array(values: ArrayLike, dtype: Any, device: str) -> Any:

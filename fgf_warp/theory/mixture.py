@@ -48,7 +48,7 @@ class RateMixture:
 
 @cache
 def mix_rates(b: float, kappa: float) -> RateMixture:
-    """G of the law of (b, kappa), 0 < b <= 1, kappa > 0; its Tr is accurate to 3e-8 absolute.
+    """G of the law of (b, kappa), 0 < b <= 1, kappa > 0; its Tr is accurate to 3e-8 absolute, for b < 0.02 to 2e-6.
 
     Raises:
         ArithmeticError: where the least squares do not converge.
@@ -92,17 +92,17 @@ def fit_rates(transmittance: Callable[[np.ndarray], np.ndarray], farthest: float
     tried = np.union1d(np.linspace(lowest, LARGEST_LN_RATE, int(decades * TRIED_PER_DECADE)), TRIED_NEAR_ONE)
     along = np.exp(-np.outer(np.exp(tried), u))
     # The rate 0 stands for all that are too low to matter.
-    rates = np.append(0.0, np.exp(np.arange(lowest, LARGEST_LN_RATE, np.log(10) / FIRST_PER_DECADE)))
+    candidates = np.append(0.0, np.exp(np.arange(lowest, LARGEST_LN_RATE, np.log(10) / FIRST_PER_DECADE)))
     for _ in range(ROUNDS):
         try:
-            weights, _ = nnls(np.exp(-np.outer(u, rates)), expected, maxiter=100 * len(rates))
+            weights, _ = nnls(np.exp(-np.outer(u, candidates)), expected, maxiter=100 * len(candidates))
         except RuntimeError as error:
             raise ArithmeticError("the transmittance's mixture of exponentials was not found") from error
-        rates, weights = rates[weights > 0], weights[weights > 0]
+        rates, weights = candidates[weights > 0], weights[weights > 0]
         residual = expected - np.exp(-np.outer(u, rates)) @ weights
         gain = along @ residual
         is_peak = (gain[1:-1] > gain[:-2]) & (gain[1:-1] >= gain[2:]) & (gain[1:-1] > 0)
         if np.abs(residual).max() < TOLERANCE or not is_peak.any():
             break
-        rates = np.union1d(np.append(0.0, rates), np.exp(tried[1:-1][is_peak]))
+        candidates = np.union1d(np.append(0.0, rates), np.exp(tried[1:-1][is_peak]))
     return RateMixture(rates[::-1], weights[::-1] / weights.sum(), float(np.abs(residual).max()))

@@ -106,7 +106,7 @@ def extrapolate(near: Estimate, far: Estimate) -> Estimate:
 
 
 def compare(found: Estimate, expected: Estimate) -> Agreement:
-    """Compares two independent estimates."""
+    """Compares two independent estimates, block by block and in their means."""
     difference = found - expected
     block, scale = difference.blocks(), np.abs(expected.blocks().mean)
     error = np.sqrt(block.variance)

@@ -14,7 +14,7 @@ from generators.report import Figure
 ASYMMETRIES = (-0.5, 0.5)
 KAPPA = 1.0
 EQUAL_KAPPA_HURSTS = (-0.5, -0.4, -0.25, -0.1, 0.5)
-WHITE_NOISE_SCALE, OUTER_SCALE = 4.0, 10.0
+WHITE_NOISE_SCALE, OUTER_SCALE = 2.5, 10.0
 EQUAL_SCALE_HURSTS = (-0.5, -0.4, -0.25, -0.1, 0.25, 0.75)
 
 
@@ -58,7 +58,7 @@ def draw(shots: Sequence[Shot]) -> Chapter:
             "hurst-equal-scale": Figure(
                 "H at equal S_w",
                 f"The same at S_w = {WHITE_NOISE_SCALE:g} unit^(-2-2H), and an outer scale of L = {OUTER_SCALE:g} "
-                f"units where H > 0; {fixed} {describe_shots(scaled)}",
+                f"units where H > 0, whose variance is the asymptotic one; {fixed} {describe_shots(scaled)}",
                 _sheet(scaled),
                 "png",
             ),

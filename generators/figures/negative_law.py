@@ -24,8 +24,9 @@ def draw(shots: Sequence[Shot]) -> Chapter:
     return Chapter(
         paragraphs=(
             "Below H = -1/2 the fluctuations of the extinction cancel along a ray, as where particles keep their "
-            "distance, and the line average is surer the longer the segment. No stationary non-negative field has "
-            "this law (Tr is concave near 0), so it is empirical; the renewal transport is the only one for it.",
+            "distance, and the variance of the line average falls faster than the 1/t of white noise. No stationary "
+            "non-negative field has this law (Tr is concave near 0), so it is empirical; the renewal transport is the "
+            "only one for it.",
             "Is that faster than exponential? Not in the sense of less light than exp(-sigma_m t): every law of "
             "this family, of either sign of correlation, transmits at least that much, since the mean of an "
             "exponential is at least the exponential of the mean. What holds is log-concavity: the local rate "

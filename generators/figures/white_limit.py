@@ -82,7 +82,7 @@ def media(cloud: Medium) -> list[Medium]:
 
 def draw(shots: Sequence[Shot]) -> Chapter:
     """Pictures, differences with their z, the way to the limit, and the table."""
-    estimates = _estimates(shots)
+    estimates = estimates_by_name(shots)
     comparisons = compare_all(estimates)
     white, _, predicted = (shot.medium for shot in shots[:3])
     rate = predicted.mean_extinction / white.mean_extinction
@@ -174,7 +174,8 @@ def labelled(transport: Transport, hurst: float) -> str:
     return f"{transport}, H = {hurst:g}"
 
 
-def _estimates(shots: Sequence[Shot]) -> dict[str, Estimate]:
+def estimates_by_name(shots: Sequence[Shot]) -> dict[str, Estimate]:
+    """The pictures of `media` as estimates, by the names that `compare_all` knows them by."""
     names = [WHITE, SIGMA_M, PREDICTED, *(labelled(t, hurst) for t in TRANSPORTS for hurst in HURSTS)]
     return {name: estimate_of(shot.result) for name, shot in zip(names, shots, strict=True)}
 
@@ -194,7 +195,7 @@ def _judge(comparisons: Sequence[Comparison], estimates: dict[str, Estimate]) ->
     outcome = (
         "they agree within noise"
         if near.holds
-        else f"they differ, by {near.mean:+.2%} ± {near.mean_error:.2%} of the mean (p = {near.chi_square_p:.1e})"
+        else f"they differ, by {near.mean:+.2%} ± {near.mean_error:.2%} of the mean"
     )
     white = estimates[WHITE]
     measured = compare(estimates[labelled("reciprocal", NEAR)], white)
@@ -233,10 +234,14 @@ def _row(comparison: Comparison) -> tuple[str, ...]:
         f"{found.visible_mean:.2%}",
         f"{found.rms_z:.3f}",
         f"{found.noisy_z.size}",
-        f"{found.chi_square_p:.2g}",
+        _probability(found.chi_square_p),
         "agree" if found.holds else "differ",
         theory,
     )
+
+
+def _probability(p: float) -> str:
+    return f"{p:.2g}" if p >= 1e-9 else "below 1e-9"
 
 
 def _plot_differences(estimates: dict[str, Estimate]) -> bytes:
@@ -271,7 +276,7 @@ def _plot_histogram(axis: Axes, agreement: Agreement) -> None:
     axis.hist(np.clip(agreement.noisy_z, -8, 8), list(edges), density=True, color="#9db4d3")
     axis.plot(z, stats.norm.pdf(z), color="black", linewidth=1)
     axis.set(xlim=(-8, 8), ylim=(0, 0.6), xlabel="z")
-    axis.set_title(f"rms {agreement.rms_z:.2f}, p = {agreement.chi_square_p:.2g}")
+    axis.set_title(f"rms {agreement.rms_z:.2f}, p {_probability(agreement.chi_square_p)}")
 
 
 def _plot_approach(estimates: dict[str, Estimate]) -> bytes:
@@ -299,6 +304,7 @@ def _plot_approach(estimates: dict[str, Estimate]) -> bytes:
                 clip_on=False,
             )
         axis.axhline(0, color="black", linewidth=0.8)
+        axis.margins(y=0.1)
         axis.set(xlabel="b = 1 + 2H", ylabel="mean difference from white noise [%]", xlim=(0, None))
         axis.legend()
         return image_bytes(figure)

@@ -27,8 +27,14 @@ def mesh_scene():
 
 @pytest.mark.parametrize(
     "make",
-    [full_scene, mesh_scene, lambda: furnace(extinction_color=(1, 2, 3))],
-    ids=["full", "mesh", "chromatic"],
+    [
+        full_scene,
+        mesh_scene,
+        lambda: furnace(extinction_color=(1, 2, 3)),
+        lambda: furnace(transport="mixed", **REGIMES["pink"]),
+        lambda: furnace(transport="mixed", extinction_color=(1, 2, 3), **REGIMES["exact fbm"]),
+    ],
+    ids=["full", "mesh", "chromatic", "mixed", "exact variance"],
 )
 def test_the_kernel_builds_for_cuda(make, tmp_path):
     kernel = build_program(required_features(make(), SETTINGS)).render_threads

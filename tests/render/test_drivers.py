@@ -64,7 +64,13 @@ def test_the_pool_of_lanes_is_faster_than_one_path_at_a_time(make, ratio):
 
 
 @pytest.mark.parametrize(
-    "make", [lambda: furnace(fills_view=False, **REGIMES["pink"]), full_scene], ids=["pink", "full"]
+    "make",
+    [
+        lambda: furnace(fills_view=False, **REGIMES["pink"]),
+        lambda: furnace(fills_view=False, transport="mixed", **REGIMES["pink"]),
+        full_scene,
+    ],
+    ids=["pink", "mixed", "full"],
 )
 def test_both_drivers_render_the_same_picture(make):
     """The driver of CUDA, run on the CPU: from the same random numbers, up to the order of sums."""
