@@ -9,7 +9,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import UnionType
 
-from fgf_warp.scene import AreaLight, DistantLight, DomeLight, Medium, Mesh, Scene, Shape, Solid, SphereLight
+from fgf_warp.scene import (
+    PHASE_PARAMETERS,
+    AreaLight,
+    DistantLight,
+    DomeLight,
+    Medium,
+    Mesh,
+    PhaseFunction,
+    Scene,
+    Shape,
+    Solid,
+    SphereLight,
+)
 from fgf_warp.settings import Aov, RenderSettings, Sampler
 
 NAMES_SHOWN = 3
@@ -32,6 +44,7 @@ class RenderFeatures:
         lone_solid: what that one shape is, ``sphere``, ``cube`` or ``cylinder``: a ray is in it between two distances,
             and crosses no boundaries one by one; otherwise empty.
         chromatic: a medium whose channels differ in extinction.
+        phases: which phase functions the media have.
         frozen: a medium of the mixed transport, where paths may be frozen.
         exact_variance: a fractional Brownian motion with the variance of finite segments; its law is looked up.
         aovs: the further planes that need work in the kernel.
@@ -48,6 +61,7 @@ class RenderFeatures:
     lone_law: str
     lone_solid: str
     chromatic: bool
+    phases: frozenset[PhaseFunction]
     frozen: bool
     exact_variance: bool
     aovs: frozenset[Aov]
@@ -62,6 +76,11 @@ class RenderFeatures:
     def crossings(self) -> bool:
         """True where paths cross boundaries of media one by one."""
         return self.media and not self.lone_solid
+
+    @property
+    def phase_parameters(self) -> tuple[str, ...]:
+        """The parameters that these phase functions have."""
+        return tuple(name for name, kinds in PHASE_PARAMETERS.items() if self.phases & {*kinds})
 
 
 @dataclass(frozen=True)
@@ -102,6 +121,7 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         lone_law=lone_law,
         lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) else "",
         chromatic=any(medium.is_chromatic for medium in media),
+        phases=frozenset(medium.phase_function for medium in media),
         frozen=any(medium.freezes_paths for medium in media),
         exact_variance=exact_variance,
         aovs=settings.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO},
@@ -148,6 +168,11 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
             else "boundaries are crossed one by one"
             if features.media
             else "no shape is filled with a medium",
+        ),
+        Reason(
+            f"phase functions: {', '.join(sorted(features.phases))}".removesuffix(": "),
+            features.media,
+            _why(sorted({scene.media[s.medium].name for s in filled if s.medium is not None})),
         ),
         Reason("channels of their own extinction", features.chromatic, _why(chromatic)),
         Reason("frozen paths", features.frozen, _why(frozen)),

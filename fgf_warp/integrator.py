@@ -86,7 +86,7 @@ from fgf_warp.device.lights import (
 from fgf_warp.device.medium import Container, Medium, medium_at
 from fgf_warp.device.numerics import INFINITE, choose, log_positive, max_component
 from fgf_warp.device.options import kernel_options
-from fgf_warp.device.phase import eval_hg, sample_hg
+from fgf_warp.device.phase import Phase, build_phase
 from fgf_warp.device.rng import (
     CAMERA,
     CONNECTION,
@@ -227,6 +227,7 @@ def build_program(features: RenderFeatures) -> Program:
     draw = draw_lattice if is_lattice else draw_independent
     draw_more = draw_more_lattice if is_lattice else draw_more_independent
     pool_floats, sum_count = lane_floats(features), tally_floats(features)
+    eval_phase, sample_phase = build_phase(features.phases)
     load, store = lanes_module.build_lanes(features)
     load_tally, store_tally = lanes_module.build_tallies(features)
 
@@ -496,7 +497,7 @@ def build_program(features: RenderFeatures) -> Program:
                 medium = scene.media[scene.first_medium + path.medium]
                 if scatters:
                     path.albedo = medium.albedo
-                    path.asymmetry = medium.asymmetry
+                    path.phase = medium.phase
                 if wp.static(features.chromatic):
                     densities = wp.vec3(1.0)
                     if scatters:
@@ -581,14 +582,14 @@ def build_program(features: RenderFeatures) -> Program:
         albedo = wp.vec3(0.0, 0.0, 0.0)
         wi = before.direction
         if wp.static(features.media):
-            asymmetry = float(0.0)
+            phase = Phase()
             if wp.static(lone_law == ""):
-                asymmetry = before.asymmetry
+                phase = before.phase
                 albedo = before.albedo
             else:
-                asymmetry = lone.asymmetry
+                phase = lone.phase
                 albedo = lone.albedo
-            wi = sample_hg(asymmetry, before.direction, before.xi[2], before.xi[3])
+            wi = sample_phase(phase, before.direction, before.xi[2], before.xi[3])
             if wp.static(features.meshes):
                 # Not so close to a face ahead that rounding could put the event behind it.
                 clear = wp.max(
@@ -669,10 +670,10 @@ def build_program(features: RenderFeatures) -> Program:
         """pdf_solid_angle of scattering into `wi` at this event, and the share that scatters there."""
         pdf = float(0.0)
         if wp.static(features.media):
-            asymmetry = lone.asymmetry
+            phase = lone.phase
             if wp.static(lone_law == ""):
-                asymmetry = path.asymmetry
-            pdf = eval_hg(asymmetry, path.direction, wi)
+                phase = path.phase
+            pdf = eval_phase(phase, path.direction, wi)
         if wp.static(has_surfaces):
             pdf = wp.where(path.scatters == SURFACE, diffuse_pdf(path.hit.normal, wi), pdf)
         return pdf

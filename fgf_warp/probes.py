@@ -1,5 +1,7 @@
 """The device's law and phase functions over arrays, for whoever compares them with their float64 twins in `theory`."""
 
+from collections.abc import Collection, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -9,6 +11,7 @@ from numpy.typing import ArrayLike
 from fgf_warp.device import fbm, law, phase
 from fgf_warp.device.law import Law
 from fgf_warp.device.options import kernel_options
+from fgf_warp.device.phase import Phase
 from fgf_warp.device.tables import Table, draw_from
 from fgf_warp.theory.fbm import ExactFbm
 from fgf_warp.theory.law import LineLaw
@@ -38,7 +41,11 @@ its distribution in ln u, and the distribution keeps its 6 digits.
 FLIGHT_SHORTEST, FLIGHT_LONGEST = 1e-30, 1e29
 """Flights beyond are zero or escaped in float32: legitimate, and counted rather than resolved."""
 HG_BOUND, HG_COSINE_BOUND = 1e-5, 1e-6
-"""Relative errors of `eval_hg` for exact directions, and of `sample_hg_one_minus_cos`."""
+"""Relative errors of `eval_phase` for exact directions, whatever the kind, and of `sample_hg_one_minus_cos`."""
+DRAINE_BOUND, DRAINE_FORWARD_BOUND = 5e-7, 1e-6
+"""Errors of the cdf at `sample_draine_one_minus_cos`: up to 90 degrees the latter, relative to xi, holds too."""
+LOBE_BOUND = 4e-7
+"""Error of the place in a lobe."""
 DIRECTION_BOUND = 5e-7
 """Error of the length of sampled directions."""
 
@@ -108,22 +115,41 @@ def _draw_rates(tables: wp.array(dtype=wp.vec3), table: Table, xi: wp.array(dtyp
     out[i] = draw_from(tables, table, xi[i])
 
 
-@wp.kernel
-def _eval_hg(g: float, w: wp.vec3, wi: wp.array(dtype=wp.vec3), out: wp.array(dtype=float)):
-    i = wp.tid()
-    out[i] = phase.eval_hg(g, w, wi[i])
+@cache
+def _phase_kernels(kinds: frozenset[str]):
+    eval_phase, sample_phase = phase.build_phase(kinds)
 
+    @wp.kernel(module="unique", module_options=kernel_options(meshes=False))
+    def eval_kernel(one: Phase, w: wp.vec3, wi: wp.array(dtype=wp.vec3), out: wp.array(dtype=float)):
+        i = wp.tid()
+        out[i] = eval_phase(one, w, wi[i])
 
-@wp.kernel
-def _sample_hg(g: float, w: wp.vec3, xi: wp.array(dtype=wp.vec2), out: wp.array(dtype=wp.vec3)):
-    i = wp.tid()
-    out[i] = phase.sample_hg(g, w, xi[i][0], xi[i][1])
+    @wp.kernel(module="unique", module_options=kernel_options(meshes=False))
+    def sample_kernel(one: Phase, w: wp.vec3, xi: wp.array(dtype=wp.vec2), out: wp.array(dtype=wp.vec3)):
+        i = wp.tid()
+        out[i] = sample_phase(one, w, xi[i][0], xi[i][1])
+
+    return eval_kernel, sample_kernel
 
 
 @wp.kernel
 def _sample_hg_one_minus_cos(g: float, xi: wp.array(dtype=float), out: wp.array(dtype=float)):
     i = wp.tid()
     out[i] = phase.sample_hg_one_minus_cos(g, xi[i])
+
+
+@wp.kernel
+def _sample_draine_one_minus_cos(g: float, alpha: float, xi: wp.array(dtype=float), out: wp.array(dtype=float)):
+    i = wp.tid()
+    out[i] = phase.sample_draine_one_minus_cos(g, alpha, xi[i])
+
+
+@wp.kernel
+def _choose_lobe(back_weight: float, xi: wp.array(dtype=float), out: wp.array2d(dtype=float)):
+    i = wp.tid()
+    lobe, place = phase.choose_lobe(0.0, 1.0, back_weight, xi[i])
+    out[0, i] = lobe
+    out[1, i] = place
 
 
 def eval_law(b: ArrayLike, kappa: ArrayLike, u: ArrayLike, device: str = "cpu") -> dict[str, np.ndarray]:
@@ -207,19 +233,38 @@ def draw_rates(mixture: RateMixture, xi: ArrayLike, device: str = "cpu") -> np.n
     return out.numpy()
 
 
-def eval_hg(g: float, w: ArrayLike, wi: ArrayLike, device: str = "cpu") -> np.ndarray:
-    """Henyey-Greenstein [1/sr], (n,) float32, of unit vectors w, (3,), and wi, (n, 3)."""
+def eval_phase(
+    kinds: Collection[str], parameters: Mapping[str, float], w: ArrayLike, wi: ArrayLike, device: str = "cpu"
+) -> np.ndarray:
+    """A phase function, as in a kernel that is built for several.
+
+    Args:
+        kinds: of the phase functions in the kernel, as in `fgf_warp.scene.PHASE_FUNCTIONS`.
+        parameters: of the one that is evaluated, by their names in `fgf_warp.scene.Medium`; the others are 0.
+        w: (3,), the unit vector that the light travels along.
+        wi: (n, 3), unit vectors that it is scattered to.
+        device: to evaluate on.
+
+    Returns:
+        (n,) float32 [1/sr].
+    """
     directions = _array(wi, wp.vec3, device)
     out = wp.zeros(directions.size, dtype=float, device=device)
-    wp.launch(_eval_hg, dim=out.size, inputs=[g, wp.vec3(*np.asarray(w)), directions], outputs=[out], device=device)
+    kernel, _ = _phase_kernels(frozenset(kinds))
+    inputs = [_device_phase(parameters), wp.vec3(*np.asarray(w)), directions]
+    wp.launch(kernel, dim=out.size, inputs=inputs, outputs=[out], device=device)
     return out.numpy()
 
 
-def sample_hg(g: float, w: ArrayLike, xi: ArrayLike, device: str = "cpu") -> np.ndarray:
-    """Directions of Henyey-Greenstein around w, (n, 3) float32, from uniforms (n, 2)."""
+def sample_phase(
+    kinds: Collection[str], parameters: Mapping[str, float], w: ArrayLike, xi: ArrayLike, device: str = "cpu"
+) -> np.ndarray:
+    """Directions of a phase function around w, (n, 3) float32, from uniforms (n, 2); the rest is as in `eval_phase`."""
     uniforms = _array(xi, wp.vec2, device)
     out = wp.zeros(uniforms.size, dtype=wp.vec3, device=device)
-    wp.launch(_sample_hg, dim=out.size, inputs=[g, wp.vec3(*np.asarray(w)), uniforms], outputs=[out], device=device)
+    _, kernel = _phase_kernels(frozenset(kinds))
+    inputs = [_device_phase(parameters), wp.vec3(*np.asarray(w)), uniforms]
+    wp.launch(kernel, dim=out.size, inputs=inputs, outputs=[out], device=device)
     return out.numpy()
 
 
@@ -229,6 +274,31 @@ def sample_hg_one_minus_cos(g: float, xi: ArrayLike, device: str = "cpu") -> np.
     out = wp.zeros(uniforms.size, dtype=float, device=device)
     wp.launch(_sample_hg_one_minus_cos, dim=out.size, inputs=[g, uniforms], outputs=[out], device=device)
     return out.numpy()
+
+
+def sample_draine_one_minus_cos(g: float, alpha: float, xi: ArrayLike, device: str = "cpu") -> np.ndarray:
+    """1 - cos(theta) of Draine's phase function for 0 <= g < 1, (n,) float32, from uniforms (n,)."""
+    uniforms = _array(xi, float, device)
+    out = wp.zeros(uniforms.size, dtype=float, device=device)
+    inputs = [g, alpha, uniforms]
+    wp.launch(_sample_draine_one_minus_cos, dim=out.size, inputs=inputs, outputs=[out], device=device)
+    return out.numpy()
+
+
+def choose_lobe(back_weight: float, xi: ArrayLike, device: str = "cpu") -> tuple[np.ndarray, np.ndarray]:
+    """0 or 1 for the first or the second lobe, and the place in it, (n,) float32 each, from uniforms (n,)."""
+    uniforms = _array(xi, float, device)
+    out = wp.zeros((2, uniforms.size), dtype=float, device=device)
+    wp.launch(_choose_lobe, dim=uniforms.size, inputs=[back_weight, uniforms], outputs=[out], device=device)
+    lobe, place = out.numpy()
+    return lobe, place
+
+
+def _device_phase(parameters: Mapping[str, float]) -> Any:
+    result = Phase()
+    for name, value in parameters.items():
+        setattr(result, name, value)
+    return result
 
 
 def _device_laws(b: np.ndarray, kappa: np.ndarray, device: str) -> tuple[Any, Any]:

@@ -245,7 +245,7 @@ def render_batch(
     """Renders many images of one scene whose media differ: a sweep.
 
     An image is the same, to the bit on one device, in whatever batch it is rendered. Nothing is compiled for a change
-    of a medium's parameters inside one kind of law (exponential, power, fractional).
+    of a medium's parameters inside one kind of law (exponential, power, fractional) and one phase function.
 
     Args:
         scene: whose media the variants replace.
@@ -418,7 +418,7 @@ def _check_finite(model: Model, image: int, invalid: np.ndarray) -> None:
     variant = model.variants[image]
     media = "; ".join(
         f"{m.name}: H = {m.hurst:g}, S_w = {m.white_noise_scale:g}, sigma_m = {m.mean_extinction:g}, "
-        f"g = {m.asymmetry:g}"
+        f"phase function = {m.phase_function}, g = {m.asymmetry:g}"
         for m in variant.media
     )
     raise NumericalError(
@@ -437,7 +437,11 @@ def _provenance(model: Model, image: int, samples: int) -> dict[str, Any]:
             {
                 "name": m.name,
                 "H": m.hurst,
+                "phase_function": m.phase_function,
                 "g": m.asymmetry,
+                "back_asymmetry": m.back_asymmetry,
+                "back_weight": m.back_weight,
+                "draine_alpha": m.draine_alpha,
                 "S_w": m.white_noise_scale,
                 "sigma_m": m.mean_extinction,
                 "extinction_color": list(m.extinction_color),

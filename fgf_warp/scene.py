@@ -19,11 +19,21 @@ import numpy as np
 from fgf_warp.errors import SceneError
 from fgf_warp.theory.law import LINE_VARIANCES, LineLaw, LineVariance, build_line_law
 from fgf_warp.theory.mixture import MIXTURE_ERROR, mix_exact_rates
+from fgf_warp.theory.phase import DRAINE_ALPHA_MAX
 
 Rgb = tuple[float, float, float]
 Vec3 = tuple[float, float, float]
 Transport = Literal["reciprocal", "renewal", "mixed"]
 TRANSPORTS: tuple[Transport, ...] = ("reciprocal", "renewal", "mixed")
+PhaseFunction = Literal["isotropic", "hg", "two_lobe", "draine"]
+PHASE_FUNCTIONS: tuple[PhaseFunction, ...] = ("isotropic", "hg", "two_lobe", "draine")
+PHASE_PARAMETERS: dict[str, tuple[PhaseFunction, ...]] = {
+    "asymmetry": ("hg", "two_lobe", "draine"),
+    "back_asymmetry": ("two_lobe",),
+    "back_weight": ("two_lobe",),
+    "draine_alpha": ("draine",),
+}
+"""The parameters of phase functions in `Medium`, and which have them."""
 
 WHITE: Rgb = (1.0, 1.0, 1.0)
 BLACK: Rgb = (0.0, 0.0, 0.0)
@@ -99,6 +109,11 @@ class Medium:
         mean_extinction: sigma_m [1/stage unit], > 0 (0 is accepted for the classical exponential).
         albedo: single-scattering albedo per channel, in [0, 1].
         asymmetry: Henyey-Greenstein g in (-1, 1), in float32 too; > 0 scatters forward.
+        phase_function: ``isotropic``; ``hg``, Henyey-Greenstein; ``two_lobe``, a blend of two of them; or ``draine``,
+            Henyey-Greenstein times 1 + alpha cos^2. A parameter that it does not have must be 0.
+        back_asymmetry: g of the second lobe, in (-1, 1); of ``two_lobe``.
+        back_weight: share of the second lobe, in [0, 1]; of ``two_lobe``.
+        draine_alpha: alpha in [0, 1000]; of ``draine``. At 1, with g = 0, it is Rayleigh scattering.
         hurst: Hurst exponent H; -0.5 is white noise. Domain: section 3 of the theory, see `build_line_law`.
         white_noise_scale: S_w [stage unit^(-2-2H)], >= 0; 0 is the classical exponential.
         outer_scale: L [stage unit], > 0; needed where H > 0, not used elsewhere.
@@ -117,6 +132,10 @@ class Medium:
     mean_extinction: float
     albedo: Rgb = WHITE
     asymmetry: float = 0.0
+    phase_function: PhaseFunction = "hg"
+    back_asymmetry: float = 0.0
+    back_weight: float = 0.0
+    draine_alpha: float = 0.0
     hurst: float = -0.5
     white_noise_scale: float = 0.0
     outer_scale: float | None = None
@@ -129,13 +148,7 @@ class Medium:
     def __post_init__(self) -> None:
         _check_color(self.name, "albedo", self.albedo, upper=1.0)
         _check_color(self.name, "extinction_color", self.extinction_color)
-        _check_range(
-            self.name,
-            "g",
-            self.asymmetry,
-            "in (-1, 1), rounded to float32 too",
-            lambda g: -1 < g < 1 and abs(float(np.float32(g))) < 1,
-        )
+        self._check_phase()
         if self.transport not in (None, *TRANSPORTS):
             raise SceneError(f"{self.name}: transport = {self.transport!r}; accepted: {', '.join(TRANSPORTS)}")
         if self.line_variance not in LINE_VARIANCES:
@@ -166,6 +179,25 @@ class Medium:
         """The line law of each channel: at its own extinction, so with its own kappa, which is 0 in empty space."""
         red, green, blue = (self._channel_law(factor) for factor in self.extinction_color)
         return red, green, blue
+
+    def _check_phase(self) -> None:
+        if self.phase_function not in PHASE_FUNCTIONS:
+            accepted = ", ".join(PHASE_FUNCTIONS)
+            raise SceneError(f"{self.name}: phase_function = {self.phase_function!r}; accepted: {accepted}")
+        for key, g in (("g", self.asymmetry), ("back_asymmetry", self.back_asymmetry)):
+            accepted = "in (-1, 1), rounded to float32 too"
+            _check_range(self.name, key, g, accepted, lambda g: -1 < g < 1 and abs(float(np.float32(g))) < 1)
+        _check_range(self.name, "back_weight", self.back_weight, "in [0, 1]", lambda x: 0 <= x <= 1)
+        accepted = f"in [0, {DRAINE_ALPHA_MAX:g}]"
+        _check_range(self.name, "draine_alpha", self.draine_alpha, accepted, lambda x: 0 <= x <= DRAINE_ALPHA_MAX)
+        for parameter, kinds in PHASE_PARAMETERS.items():
+            value = getattr(self, parameter)
+            if value != 0 and self.phase_function not in kinds:
+                key = "g" if parameter == "asymmetry" else parameter
+                raise SceneError(
+                    f"{self.name}: {key} = {_shown(value)} with phase_function = {self.phase_function!r}; accepted: 0, "
+                    f"or a phase function that has it: {', '.join(kinds)}"
+                )
 
     def check_segments(self, longest: float) -> None:
         """Checks that the law holds for segments up to this length [stage unit].

@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.bvh import build_wide_tree
-from fgf_warp.device import bvh, geometry, law, lights, medium, surfaces, tables
+from fgf_warp.device import bvh, geometry, law, lights, medium, phase, surfaces, tables
 from fgf_warp.device import camera as camera_device
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import LAW_KINDS, LIGHT_KINDS, SOLID_KINDS, Limits, SceneData
@@ -228,11 +228,18 @@ def _medium(item: Medium, index: int, scene: Scene, rows: LawTables) -> Any:
     result.index = index
     result.extinction = wp.vec3(*(max(line.mean_extinction, EXTINCTION_FLOOR) for line in item.channel_laws))
     result.albedo = wp.vec3(*item.albedo)
-    result.asymmetry = item.asymmetry
+    result.phase = _phase(item)
     result.law, result.law_green, result.law_blue = channels
     thickness = scene.medium_thickness(index)
     if item.freezes_paths and thickness is not None:
         result.frozen_share = item.line_law.frozen_share(thickness)
+    return result
+
+
+def _phase(item: Medium) -> Any:
+    result = phase.Phase()
+    result.asymmetry, result.draine_alpha = item.asymmetry, item.draine_alpha
+    result.back_asymmetry, result.back_weight = item.back_asymmetry, item.back_weight
     return result
 
 

@@ -576,7 +576,7 @@ def _describe(medium: Medium) -> str:
     return (
         f"H = {medium.hurst:g}, g = {medium.asymmetry:g}, S_w = {medium.white_noise_scale:g}, "
         f"sigma_m = {rule.mean_extinction:g}; {REGIME_NAMES[rule.regime]}, b = {rule.b:.4g}, kappa = {rule.kappa:.4g}, "
-        f"{medium.resolved_transport} transport"
+        f"{medium.resolved_transport} transport, {medium.phase_function} phase function"
     )
 
 

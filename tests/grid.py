@@ -19,3 +19,11 @@ REGIMES = {
     "kfbm": dict(hurst=1.6, white_noise_scale=0.05, outer_scale=4.0),
 }
 """Parameters of `Medium`, one set for each regime of the theory and one near its edge."""
+
+PHASES = {
+    "isotropic": dict(),
+    "hg": dict(asymmetry=0.7),
+    "two_lobe": dict(asymmetry=0.9, back_asymmetry=-0.7, back_weight=0.3),
+    "draine": dict(asymmetry=-0.4, draine_alpha=20.0),
+}
+"""Parameters of `Medium`, one set for each phase function."""

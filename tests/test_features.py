@@ -66,6 +66,19 @@ def test_reasons_name_what_asks_for_a_part():
     assert found["one chord through the medium"][0]
 
 
+def test_only_the_phase_functions_that_fill_a_shape():
+    hazy, dusty, unused = (
+        Medium(f"/{kind}", mean_extinction=1.0, phase_function=kind) for kind in ("isotropic", "draine", "two_lobe")
+    )
+    assert required_features(furnace(), SETTINGS).phases == {"hg"}
+    assert required_features(scene_of(()), SETTINGS).phases == frozenset()
+    both = scene_of((BALL, replace(BALL, name="/other", medium=1)), media=(hazy, dusty, unused))
+    features = required_features(both, SETTINGS)
+    assert (features.phases, features.phase_parameters) == ({"isotropic", "draine"}, ("asymmetry", "draine_alpha"))
+    assert reasons(both)["phase functions: draine, isotropic"] == (True, "/draine, /isotropic")
+    assert reasons(scene_of(()))["phase functions"] == (False, "nothing needs it")
+
+
 def test_a_medium_that_fills_nothing_is_no_reason():
     colourful = Medium("/unused", mean_extinction=1.0, extinction_color=(1, 2, 3))
     found = reasons(scene_of((BALL,), media=(*furnace(**REGIMES["pink"]).media, colourful)))

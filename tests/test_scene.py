@@ -55,6 +55,27 @@ def test_asymmetry_is_inside_its_range_in_float32_too():
             medium(asymmetry=g)
 
 
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"phase_function": "mie"}, "/m: phase_function = 'mie'; accepted: isotropic, hg, two_lobe, draine"),
+        (
+            {"phase_function": "isotropic", "asymmetry": 0.4},
+            "/m: g = 0.4 with phase_function = 'isotropic'; accepted: 0, or a phase function that has it: hg, two_lobe",
+        ),
+        ({"back_weight": 0.5}, "/m: back_weight = 0.5 with phase_function = 'hg'; accepted: 0, or .*: two_lobe"),
+        ({"phase_function": "two_lobe", "draine_alpha": 1.0}, "/m: draine_alpha = 1 with .*: draine"),
+        ({"phase_function": "two_lobe", "back_asymmetry": -1.0}, r"/m: back_asymmetry = -1; accepted: in \(-1, 1\)"),
+        ({"phase_function": "two_lobe", "back_weight": 1.5}, r"/m: back_weight = 1.5; accepted: in \[0, 1\]"),
+        ({"phase_function": "draine", "draine_alpha": -0.1}, r"/m: draine_alpha = -0.1; accepted: in \[0, 1000\]"),
+        ({"phase_function": "draine", "draine_alpha": float("nan")}, "/m: draine_alpha = nan; accepted: in"),
+    ],
+)
+def test_phase_functions_take_what_they_have(parameters, message):
+    with pytest.raises(SceneError, match=message):
+        medium(**parameters)
+
+
 HUGE = 1e39
 
 

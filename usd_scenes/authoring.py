@@ -10,7 +10,7 @@ from typing import Literal
 from pxr import Gf, Sdf, Usd, UsdShade
 
 from fgf_warp.errors import SceneError
-from fgf_warp.scene import WHITE, LineVariance, Medium, Rgb, Transport
+from fgf_warp.scene import WHITE, LineVariance, Medium, PhaseFunction, Rgb, Transport
 from usd_scenes import schema
 
 Boundary = Literal["none", "surface"]
@@ -22,6 +22,10 @@ def author_fgf_medium(
     mean_extinction: float,
     albedo: Sequence[float] = WHITE,
     asymmetry: float = 0.0,
+    phase_function: PhaseFunction = "hg",
+    back_asymmetry: float = 0.0,
+    back_weight: float = 0.0,
+    draine_alpha: float = 0.0,
     hurst: float = -0.5,
     white_noise_scale: float = 0.0,
     outer_scale: float | None = None,
@@ -41,6 +45,10 @@ def author_fgf_medium(
         mean_extinction: sigma_m [1/stage unit], > 0 (0 is accepted for the classical exponential).
         albedo: single-scattering albedo per channel, in [0, 1].
         asymmetry: Henyey-Greenstein g in (-1, 1).
+        phase_function: ``isotropic``, ``hg``, ``two_lobe`` or ``draine``; see `fgf_warp.scene.Medium`.
+        back_asymmetry: g of the second lobe, in (-1, 1); of ``two_lobe``.
+        back_weight: share of the second lobe, in [0, 1]; of ``two_lobe``.
+        draine_alpha: in [0, 1000]; of ``draine``.
         hurst: H > -0.98, at least 0.01 from 0, 1, 2, ...
         white_noise_scale: S_w >= 0 [stage unit^(-2-2H)].
         outer_scale: L > 0 [stage unit]; needed where H > 0.
@@ -63,6 +71,10 @@ def author_fgf_medium(
             mean_extinction=float(mean_extinction),
             albedo=_rgb(albedo),
             asymmetry=float(asymmetry),
+            phase_function=phase_function,
+            back_asymmetry=float(back_asymmetry),
+            back_weight=float(back_weight),
+            draine_alpha=float(draine_alpha),
             hurst=float(hurst),
             white_noise_scale=float(white_noise_scale),
             outer_scale=None if outer_scale is None else float(outer_scale),

@@ -12,6 +12,7 @@ import warp as wp
 
 from fgf_warp.device.film import Tally
 from fgf_warp.device.geometry import Hit, Start
+from fgf_warp.device.phase import Phase
 
 LANES = wp.constant(128)
 
@@ -77,7 +78,7 @@ class Path:
     """Radiance from what is met, or from distant lights beyond, times its mis_weight."""
     albedo: wp.vec3
     """Of the surface that is met, or where media differ, of the medium."""
-    asymmetry: float
+    phase: Phase
     """Of the medium, where media differ."""
     scatters: int
     """SURFACE or BOUNDARY (in a medium) where this event scatters the path on, else MISS."""
@@ -108,7 +109,7 @@ def slots(features: Any) -> dict[str, int]:
     if features.meshes:
         sizes |= {"crossed": 1, "slack": 1}
     if features.lone_law == "":
-        sizes |= {"segment": 1, "keeps": 1, "asymmetry": 1}
+        sizes |= {"segment": 1, "keeps": 1} | dict.fromkeys(features.phase_parameters, 1)
     if features.surfaces or features.connections:
         sizes |= {"met": 3}
     if features.surfaces or features.lone_law == "":
@@ -293,7 +294,13 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         if wp.static("segment" in at):
             path.segment = get(lanes, wp.static(at["segment"]), i)
             path.keeps = get_int(lanes, wp.static(at["keeps"]), i)
-            path.asymmetry = get(lanes, wp.static(at["asymmetry"]), i)
+        if wp.static("asymmetry" in at):
+            path.phase.asymmetry = get(lanes, wp.static(at["asymmetry"]), i)
+        if wp.static("back_weight" in at):
+            path.phase.back_asymmetry = get(lanes, wp.static(at["back_asymmetry"]), i)
+            path.phase.back_weight = get(lanes, wp.static(at["back_weight"]), i)
+        if wp.static("draine_alpha" in at):
+            path.phase.draine_alpha = get(lanes, wp.static(at["draine_alpha"]), i)
         if wp.static("met" in at):
             path.met = get3(lanes, wp.static(at["met"]), i)
         if wp.static("albedo" in at):
@@ -368,7 +375,13 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         if wp.static("segment" in at):
             put(lanes, wp.static(at["segment"]), i, path.segment)
             put_int(lanes, wp.static(at["keeps"]), i, path.keeps)
-            put(lanes, wp.static(at["asymmetry"]), i, path.asymmetry)
+        if wp.static("asymmetry" in at):
+            put(lanes, wp.static(at["asymmetry"]), i, path.phase.asymmetry)
+        if wp.static("back_weight" in at):
+            put(lanes, wp.static(at["back_asymmetry"]), i, path.phase.back_asymmetry)
+            put(lanes, wp.static(at["back_weight"]), i, path.phase.back_weight)
+        if wp.static("draine_alpha" in at):
+            put(lanes, wp.static(at["draine_alpha"]), i, path.phase.draine_alpha)
         if wp.static("met" in at):
             put3(lanes, wp.static(at["met"]), i, path.met)
         if wp.static("albedo" in at):

@@ -4,6 +4,7 @@ import warp as wp
 
 from fgf_warp.device.geometry import is_inside
 from fgf_warp.device.law import Law
+from fgf_warp.device.phase import Phase
 
 
 @wp.struct
@@ -15,7 +16,7 @@ class Medium:
     extinction: wp.vec3
     """sigma_m per channel [1/stage unit], > 0."""
     albedo: wp.vec3
-    asymmetry: float
+    phase: Phase
     frozen_share: float
     """Of paths, for which the medium is classical at a rate of their own: the mixed transport."""
     law: Law

@@ -65,8 +65,11 @@ def _sensor(camera: Camera, image: Image) -> dict[str, Any]:
 
 def _medium(medium: Medium, emitter_sampling: bool) -> dict[str, Any]:
     grey = len(set(medium.albedo)) == 1 and not medium.is_chromatic
-    if not (grey and medium.line_law.kind == "exponential"):
-        raise ValueError(f"{medium.name}: only grey media of exponential transmittance are translated")
+    if not (grey and medium.line_law.kind == "exponential" and medium.phase_function == "hg"):
+        raise ValueError(
+            f"{medium.name}: only grey media of exponential transmittance and Henyey-Greenstein's phase function are "
+            "translated"
+        )
     return {
         "type": "homogeneous",
         "sigma_t": medium.mean_extinction,

@@ -145,6 +145,11 @@ def test_transport_is_checked_against_the_swept_parameters():
         plan_of(transport="reciprocal", axes={"H": [-0.5, -0.7]})
 
 
+def test_phase_function_is_checked_against_the_swept_parameters():
+    with pytest.raises(ConfigError, match=r"sample 1: /medium: g = 0.4 with phase_function = 'isotropic'"):
+        plan_of(furnace(phase_function="isotropic"), axes={"g": [0.0, 0.4]})
+
+
 def test_a_sweep_that_an_authored_kappa_would_silence_is_refused():
     with pytest.raises(ConfigError, match=r"axes.S_w: /medium authors kappa = 0.5"):
         plan_of(furnace(kappa=0.5), axes={"S_w": [1.0]})

@@ -68,6 +68,7 @@ def test_labels_say_what_was_rendered(tmp_path, dataset, fake_renderer):
             medium.line_law.regime,
         )
         assert (row["seed"], row["spp"], row["L"]) == (sample.seed, 4, None)
+        assert row["phase_function"] == medium.phase_function
         assert row["render_seconds"] == 0.25
         assert row["truncated"] == 0
         channels, header = read_exr(tmp_path / "data" / row["exr"])

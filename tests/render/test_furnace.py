@@ -10,7 +10,7 @@ from fgf_warp.renderer import render
 from fgf_warp.scene import DistantLight, Solid, Surface
 from fgf_warp.settings import RenderSettings
 from tests import stats
-from tests.grid import REGIMES, TRANSPORTS
+from tests.grid import PHASES, REGIMES, TRANSPORTS
 from tests.scenes import camera, furnace
 
 SETTINGS = RenderSettings(width=48, height=48, spp=16, max_depth=2**20)
@@ -20,6 +20,7 @@ MEDIA = [
     for transport in TRANSPORTS
     if regime != "negative" or transport == "renewal"
 ]
+HALVES = tuple(DistantLight(f"/{z}", (0, 0, z), math.pi / 2, (1.0, 1.0, 1.0)) for z in (-1.0, 1.0))
 
 
 @pytest.mark.parametrize("g", [-0.8, 0.0, 0.8])
@@ -37,8 +38,16 @@ def test_medium(regime, transport, g):
 def test_medium_under_connections(regime, transport, g):
     """The same environment as two hemispheres that paths connect to: next-event estimation and its weights."""
     scene = furnace(asymmetry=g, transport=transport, **REGIMES[regime])
-    halves = tuple(DistantLight(f"/{z}", (0, 0, z), math.pi / 2, (1.0, 1.0, 1.0)) for z in (-1.0, 1.0))
-    result = render(replace(scene, lights=halves), replace(SETTINGS, spp=128))
+    result = render(replace(scene, lights=HALVES), replace(SETTINGS, spp=128))
+    stats.assert_means(*stats.image_mean(result), 1.0, detects=0.01)
+
+
+@pytest.mark.parametrize("kind", PHASES)
+def test_phase_function(kind):
+    """Of weight 1 where it is sampled, and matched with its density where lights are connected to."""
+    scene = furnace(phase_function=kind, **PHASES[kind], **REGIMES["pink"])
+    assert np.abs(render(scene, SETTINGS).radiance - 1).max() <= 0.002
+    result = render(replace(scene, lights=HALVES), replace(SETTINGS, spp=128))
     stats.assert_means(*stats.image_mean(result), 1.0, detects=0.01)
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from fgf_warp.renderer import render
-from fgf_warp.scene import Medium, Mesh, Solid, Surface
+from fgf_warp.scene import DistantLight, Medium, Mesh, Solid, Surface
 from fgf_warp.settings import Aov, RenderSettings
 from tests import stats
-from tests.grid import REGIMES
+from tests.grid import PHASES, REGIMES
 from tests.scenes import camera, furnace, transform
 
 SETTINGS = RenderSettings(width=32, height=32, spp=256, seed=11)
@@ -178,3 +178,23 @@ def test_chromatic_extinction_is_three_media(regime, transport):
         errors.append(np.hypot(error, mono[1]))
         expected.append(mono[0])
     stats.assert_means(found, errors, expected, detects=0.02)
+
+
+def test_media_of_different_phase_functions_are_what_they_are_alone():
+    """Two balls, too far apart to see each other, in light from the side: each against the kernel made for it."""
+    settings, names, apart = replace(SETTINGS, spp=1024), ("two_lobe", "draine"), 100.0
+    sun = DistantLight("/sun", (0, -1, 0), 1.0, (1.0, 1.0, 1.0))
+    alone = [
+        replace(furnace(albedo=(0.9,) * 3, phase_function=kind, **PHASES[kind], **REGIMES["pink"]), lights=(sun,))
+        for kind in names
+    ]
+    balls = tuple(Solid(f"/{k}", "sphere", transform(at=(apart * k, 0, 0)), medium=k) for k in range(len(names)))
+    media = tuple(replace(scene.media[0], name=f"/{kind}") for kind, scene in zip(names, alone, strict=True))
+    means = []
+    for k, scene in enumerate(alone):
+        view = camera((apart * k, 0, 5), (apart * k, 0, 0), aperture=0.28)
+        among_others = render(replace(scene, shapes=balls, media=media, camera=view), replace(settings, seed=k))
+        by_itself = render(scene, replace(settings, seed=50 + k))
+        stats.assert_images_agree(among_others, by_itself, blocks=2, detects=0.04)
+        means.append(by_itself.radiance.mean())
+    assert np.ptp(means) > 0.1 * np.mean(means), "the phase functions look alike"

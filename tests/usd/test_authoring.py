@@ -19,6 +19,9 @@ VALUES = {
     "mean_extinction": 3.7,
     "albedo": (0.9, 0.8, 0.7),
     "asymmetry": -0.35,
+    "phase_function": "two_lobe",
+    "back_asymmetry": -0.8,
+    "back_weight": 0.25,
     "hurst": 0.3,
     "white_noise_scale": 0.01,
     "outer_scale": 40.0,
@@ -53,6 +56,13 @@ def test_kappa_replaces_the_white_noise_scale(stage: Usd.Stage, tmp_path: Path) 
     stage.Export(str(tmp_path / "stage.usda"))
     (medium,) = read_scene(tmp_path / "stage.usda").scene.media
     assert medium.line_law.kappa == 0.625
+
+
+def test_phase_functions_survive(stage: Usd.Stage, tmp_path: Path) -> None:
+    author_fgf_medium(stage.GetPrimAtPath("/Look"), mean_extinction=1, phase_function="draine", draine_alpha=0.7)
+    stage.Export(str(tmp_path / "stage.usda"))
+    (medium,) = read_scene(tmp_path / "stage.usda").scene.media
+    assert (medium.phase_function, medium.draine_alpha) == ("draine", 0.7)
 
 
 def test_every_value_but_none_is_authored(stage: Usd.Stage) -> None:

@@ -36,6 +36,15 @@ def test_float32_values_come_out_as_they_were_written(read) -> None:
         ),
         ("float inputs:fgf:whiteNoiseScale = -1", "whiteNoiseScale: S_w = -1; accepted: >= 0"),
         ("float inputs:fgf:asymmetry = 1", r"asymmetry: g = 1; accepted: in \(-1, 1\)"),
+        (
+            'float inputs:fgf:asymmetry = 0.5\nuniform token fgf:phaseFunction = "isotropic"',
+            "asymmetry: g = 0.5 with phase_function = 'isotropic'; accepted: 0, or a phase function that has it: hg, ",
+        ),
+        ("float inputs:fgf:backWeight = 0.5", "backWeight: back_weight = 0.5 with phase_function = 'hg'; accepted: 0"),
+        (
+            'float inputs:fgf:draineAlpha = 2000\nuniform token fgf:phaseFunction = "draine"',
+            r"draineAlpha: draine_alpha = 2000; accepted: in \[0, 1000\]",
+        ),
         ("float inputs:fgf:meanExtinction = -2", "meanExtinction: sigma_m = -2; accepted: >= 0"),
         ("float inputs:fgf:outerScale = 0", "outerScale: L = 0; accepted: > 0"),
         ("float inputs:fgf:kappa = 2e8", r"kappa: kappa = 2e\+08; accepted: in \[0, 1e\+08\]"),
@@ -56,6 +65,10 @@ def test_values_out_of_range_are_refused(read, attribute: str, message: str) -> 
     ("attribute", "message"),
     [
         ('uniform token fgf:transport = "frozen"', "/Look.fgf:transport = frozen; accepted: reciprocal, renewal"),
+        (
+            'uniform token fgf:phaseFunction = "mie"',
+            "/Look.fgf:phaseFunction = mie; accepted: isotropic, hg, two_lobe, draine",
+        ),
         ('uniform token fgf:boundary = "glass"', "/Look.fgf:boundary = glass; accepted: none, surface"),
         ('string inputs:fgf:hurst = "rough"', "/Look.inputs:fgf:hurst = rough; accepted: a finite number"),
         ("float inputs:fgf:hurts = 1", "/Look.inputs:fgf:hurts is unknown; accepted: .*inputs:fgf:hurst"),

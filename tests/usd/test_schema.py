@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from pxr import Sdf, Usd, UsdShade
 
+from fgf_warp.scene import PHASE_FUNCTIONS
+from fgf_warp.theory.phase import DRAINE_ALPHA_MAX
 from usd_scenes import schema
 
 FALLBACKS = {
@@ -17,6 +19,10 @@ FALLBACKS = {
     "inputs:fgf:extinctionColor": (1, 1, 1),
     "inputs:fgf:albedo": (1, 1, 1),
     "inputs:fgf:asymmetry": 0.0,
+    "fgf:phaseFunction": "hg",
+    "inputs:fgf:backAsymmetry": 0.0,
+    "inputs:fgf:backWeight": 0.0,
+    "inputs:fgf:draineAlpha": 0.0,
     "inputs:fgf:hurst": -0.5,
     "inputs:fgf:whiteNoiseScale": 0.0,
     "inputs:fgf:outerScale": None,
@@ -59,11 +65,14 @@ def test_limits_are_those_of_the_law(material: Usd.Prim) -> None:
     assert material.GetAttribute("inputs:fgf:kappa").GetHardLimits().GetMaximum() == pytest.approx(1e8)
     assert material.GetAttribute("inputs:fgf:hurst").GetHardLimits().GetMinimum() == pytest.approx(-0.98)
     assert material.GetAttribute("inputs:fgf:asymmetry").GetHardLimits().GetMinimum() == -1
+    assert material.GetAttribute("inputs:fgf:draineAlpha").GetHardLimits().GetMaximum() == DRAINE_ALPHA_MAX
+    assert tuple(material.GetAttribute("fgf:phaseFunction").GetMetadata("allowedTokens")) == PHASE_FUNCTIONS
 
 
 def test_only_what_cannot_vary_is_uniform(material: Usd.Prim) -> None:
     uniform = {name for name in FALLBACKS if material.GetAttribute(name).GetVariability() == Sdf.VariabilityUniform}
-    assert uniform == {"fgf:transport", "fgf:lineVariance", "fgf:boundary", "fgf:priority"}
+    words = {"fgf:phaseFunction", "fgf:transport", "fgf:lineVariance", "fgf:boundary"}
+    assert uniform == words | {"fgf:priority"}
 
 
 def test_registering_twice_is_harmless() -> None:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 from pxr import Usd
 
 from fgf_warp.errors import SceneError
-from fgf_warp.scene import LINE_VARIANCES, TRANSPORTS, Medium
+from fgf_warp.scene import LINE_VARIANCES, PHASE_FUNCTIONS, TRANSPORTS, Medium
 from usd_scenes import schema
 from usd_scenes.reader.attributes import is_authored, plain_source, read_color, read_number, read_token
 from usd_scenes.reader.context import StageContext
 
 COLORS = ("extinction_color", "albedo")
-TOKENS = {"transport": cast(tuple[str, ...], TRANSPORTS), "line_variance": cast(tuple[str, ...], LINE_VARIANCES)}
+TOKENS: dict[str, tuple[str, ...]] = {
+    "transport": TRANSPORTS,
+    "line_variance": LINE_VARIANCES,
+    "phase_function": PHASE_FUNCTIONS,
+}
 ONLY_WHERE_AUTHORED = ("outer_scale", "kappa")
 SYMBOLS = {
     "sigma_m": "mean_extinction",
