@@ -46,7 +46,7 @@ class RenderFeatures:
         chromatic: a medium whose channels differ in extinction.
         phases: which phase functions the media have.
         frozen: a medium of the mixed transport, where paths may be frozen.
-        exact_variance: a fractional Brownian motion with the variance of finite segments; its law is looked up.
+        exact_variance: a fractional Brownian motion with the variance of finite segments; its flights are looked up.
         aovs: the further planes that need work in the kernel.
         sampler: where random numbers come from.
     """
@@ -103,9 +103,6 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
     filled = [shape for shape in scene.shapes if shape.medium is not None]
     media = [scene.media[shape.medium] for shape in filled if shape.medium is not None]
     lone_law = media[0].line_law.kind if len(media) == 1 and not media[0].is_chromatic else ""
-    exact_variance = any(law.kind == "exact_fbm" for medium in media for law in medium.channel_laws)
-    if exact_variance:
-        lone_law = ""
     return RenderFeatures(
         solids=frozenset(shape.kind for shape in scene.shapes if isinstance(shape, Solid)),
         meshes=any(isinstance(shape, Mesh) for shape in scene.shapes),
@@ -123,7 +120,7 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         chromatic=any(medium.is_chromatic for medium in media),
         phases=frozenset(medium.phase_function for medium in media),
         frozen=any(medium.freezes_paths for medium in media),
-        exact_variance=exact_variance,
+        exact_variance=any(law.kind == "exact_fbm" for medium in media for law in medium.channel_laws),
         aovs=settings.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO},
         sampler=settings.sampler,
     )
@@ -147,8 +144,6 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
 
     if features.lone_law:
         law_why = f"{_named_all(filled)} is filled with the only medium, and its channels have one law"
-    elif exact:
-        law_why = f"{_listed(exact)} has the variance of finite segments"
     elif chromatic:
         law_why = f"the channels of {_listed(chromatic)} differ in extinction"
     else:

@@ -282,13 +282,15 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func(inline=True)
-    def fly_in_lone_medium(before: Path, medium: Medium, seed: wp.uint64) -> Path:
+    def fly_in_lone_medium(before: Path, medium: Medium, tables: wp.array(dtype=wp.vec3), seed: wp.uint64) -> Path:
         path = before
         remembers = before.from_medium == 1 and medium.law.reciprocal == 1
         exponent = -log_positive(before.xi[0])
         u = exponent / medium.law.rate
         if wp.static(lone_law == "power"):
             u = fly_power(medium.law, exponent, remembers)
+        if wp.static(lone_law == "exact_fbm"):
+            u = fbm.sample_flight(medium.law, tables, before.xi[0], remembers)
         if wp.static(lone_law == "fractional"):
             ln_u = ln_flight(medium.law, exponent)
             more = draw_more(seed, before.pixel, before.turn, before.bounce, EVENT)
@@ -962,7 +964,7 @@ def build_program(features: RenderFeatures) -> Program:
                     if wp.static(lone_law == ""):
                         path = fly_anywhere(scene, path, seed)
                     else:
-                        path = fly_in_lone_medium(path, lone, seed)
+                        path = fly_in_lone_medium(path, lone, scene.tables, seed)
                 path = look(scene, path)
                 if wp.static(needs_meeting):
                     path = meet(scene, path)
@@ -1057,7 +1059,7 @@ def build_program(features: RenderFeatures) -> Program:
                 path = load(lanes, i)
                 path = depart(path, seed)
                 if wp.static(lone_law != ""):
-                    path = fly_in_lone_medium(path, lone, seed)
+                    path = fly_in_lone_medium(path, lone, scene.tables, seed)
                 if wp.static(opens_eyes_at_once):
                     path = open_eyes(path)
                 store(lanes, i, path)

@@ -11,7 +11,7 @@ from fgf_warp.device.numerics import exp_bounded, exp_or_zero, expm1_ratio, log_
 from fgf_warp.device.tables import Table, find_row
 
 
-@wp.func
+@wp.func(inline=True)
 def variance_terms(two_hurst: float, tau: float) -> wp.vec3:
     """R, beta = 1 + d ln R / d ln tau, and d beta / d ln tau at tau = t/L; absolute errors below 2e-6, 1e-5, 4e-5."""
     n = two_hurst + 2.0
@@ -28,13 +28,13 @@ def variance_terms(two_hurst: float, tau: float) -> wp.vec3:
     return wp.vec3(ratio, 1.0 + growth, (a2 - c2) / ratio - growth * growth)
 
 
-@wp.func
+@wp.func(inline=True)
 def line_exponent(law: Law, u: float) -> float:
     """f(u) = -ln Tr(u); relative error below 1e-5."""
     return u * log1p_ratio(law.kappa * u * variance_terms(law.two_hurst, u / law.outer_depth)[0])
 
 
-@wp.func
+@wp.func(inline=True)
 def line_exponent_d1(law: Law, u: float) -> float:
     """f'(u); relative error below 1e-4 as far as Tr falls."""
     terms = variance_terms(law.two_hurst, u / law.outer_depth)
@@ -42,7 +42,7 @@ def line_exponent_d1(law: Law, u: float) -> float:
     return (1.0 - terms[1]) * log1p_ratio(y) + terms[1] / (1.0 + y)
 
 
-@wp.func
+@wp.func(inline=True)
 def line_exponent_d2(law: Law, u: float) -> float:
     """f''(u) for u > 0; relative error below 1e-3 as far as Tr falls."""
     terms = variance_terms(law.two_hurst, u / law.outer_depth)
@@ -52,7 +52,7 @@ def line_exponent_d2(law: Law, u: float) -> float:
     return -y / u * (constant + slope * terms[2])
 
 
-@wp.func
+@wp.func(inline=True)
 def segment_transmittance(law: Law, u: float, from_medium: bool) -> float:
     """Share of light that passes a segment which ends uncorrelated: Tms from a medium vertex, else Tss."""
     passed = exp_or_zero(-line_exponent(law, u))
@@ -61,7 +61,7 @@ def segment_transmittance(law: Law, u: float, from_medium: bool) -> float:
     return passed
 
 
-@wp.func
+@wp.func(inline=True)
 def flight_density(law: Law, u: float, from_medium: bool) -> float:
     """Density in u of the next scattering event: Tmm from a medium vertex, else Tsm."""
     passed = exp_or_zero(-line_exponent(law, u))
@@ -71,7 +71,7 @@ def flight_density(law: Law, u: float, from_medium: bool) -> float:
     return d1 * passed
 
 
-@wp.func
+@wp.func(inline=True)
 def sample_flight(law: Law, tables: wp.array(dtype=wp.vec3), xi: float, from_medium: bool) -> float:
     """u distributed as Tmm from a medium vertex, else as Tsm; relative error below 1e-3, and mostly 1e-5."""
     table = law.flights
@@ -80,7 +80,7 @@ def sample_flight(law: Law, tables: wp.array(dtype=wp.vec3), xi: float, from_med
     return look_up_flight(tables, table, log_positive(-log_positive(xi)))
 
 
-@wp.func
+@wp.func(inline=True)
 def look_up_flight(tables: wp.array(dtype=wp.vec3), table: Table, ln_exponent: float) -> float:
     """u of ln E: a cubic between rows (ln E, ln u, slope), before the first in proportion, beyond the last escaped."""
     above = find_row(tables, table, ln_exponent)

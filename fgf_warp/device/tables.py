@@ -11,7 +11,7 @@ class Table:
     count: int
 
 
-@wp.func
+@wp.func(inline=True)
 def find_row(tables: wp.array(dtype=wp.vec3), table: Table, x: float) -> int:
     """How many rows of the table begin with a number below x."""
     low = int(0)
@@ -25,7 +25,7 @@ def find_row(tables: wp.array(dtype=wp.vec3), table: Table, x: float) -> int:
     return low
 
 
-@wp.func
+@wp.func(inline=True)
 def draw_from(tables: wp.array(dtype=wp.vec3), table: Table, xi: float) -> float:
     """One of the values of a discrete distribution, whose rows are (cumulative weight, value)."""
     row = wp.min(find_row(tables, table, xi), table.count - 1)

@@ -5,7 +5,7 @@ Every regime of a fractional Gaussian field is one family in the mean optical de
     y(u) = kappa u^b        Tr(u) = exp(-u log1p(y) / y)
 
 with b = min(1 + 2H, 1) and kappa the line variance in units of the mean. Source: Guo et al. 2019, supplement,
-equations (9) to (14); (12) with its sign corrected. That of fractional Brownian motion is asymptotic, for t << L; with
+equations (9) to (14), with the sign of (5) corrected. That of fractional Brownian motion is asymptotic, for t << L; with
 its exact variance, (11), the law has a third number, see `theory.fbm`.
 """
 
