@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from types import UnionType
 
 from fgf_warp.scene import AreaLight, DistantLight, DomeLight, Mesh, Scene, Shape, Solid, SphereLight
-from fgf_warp.settings import Aov, RenderSettings, Sampler
+from fgf_warp.settings import TRACED_AOVS, Aov, RenderSettings, Sampler
 
 NAMES_SHOWN = 3
 
@@ -95,7 +95,7 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         lone_law=lone_law,
         lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) else "",
         chromatic=any(medium.is_chromatic for medium in media),
-        aovs=settings.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO},
+        aovs=settings.aovs & TRACED_AOVS,
         sampler=settings.sampler,
     )
 
@@ -144,7 +144,8 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
         Reason("environment", features.environment, _why(named(DomeLight))),
         *(
             Reason(f"plane: {aov}", aov in features.aovs, "asked for" if aov in features.aovs else "not asked for")
-            for aov in (Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO)
+            for aov in Aov
+            if aov in TRACED_AOVS
         ),
         Reason(f"sampler: {features.sampler}", True, "as the settings say"),
     )
