@@ -79,6 +79,15 @@ def assert_images_agree(a, b, *, blocks: int, detects: float) -> None:
     assert_means((floor + block_a - block_b)[~black], errors[~black], np.full((~black).sum(), floor), detects=detects)
 
 
+def plane_mean(a, b) -> tuple[float, float]:
+    """Mean of a plane of two independent renders, and its standard error from the spread of the pixels' differences.
+
+    So the pixels need not be alike.
+    """
+    mean, half = (np.asarray(a, dtype=np.float64) + b) / 2, (np.asarray(a, dtype=np.float64) - b) / 2
+    return float(mean.mean()), float(half.std(ddof=1) / np.sqrt(half.size))
+
+
 def assert_planes_agree(a, b, *, detects: float) -> None:
     """Asserts that a plane of two independent renders has the same mean in each channel.
 
