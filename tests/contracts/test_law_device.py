@@ -110,6 +110,31 @@ def test_sampler_twins():
     assert np.abs(found[1] / correlated - 1)[usable].max() <= 5e-4
 
 
+def test_flights_at_50_digits(reference):
+    t = reference("inverse_cdf.csv")
+    pairs = list(zip(t["b"], t["kappa"], strict=True))
+    found = device_kernels.sample_law(pairs, np.repeat(t["xi"][:, None], 3, axis=1))[0]
+    usable = np.abs(t["ln_u_sm"]) < 60
+    assert usable.sum() > 250
+    assert np.abs(np.log(found[usable]) - t["ln_u_sm"][usable]).max() <= 1.2e-4
+
+
+@pytest.mark.parametrize("column", [0, 1], ids=["sm", "mm"])
+def test_mean_flights_at_50_digits(reference, column):
+    """Of the laws whose flights spread by no more than twice their mean; sees a bias of 3 %."""
+    t, draws, name = reference("moments.csv"), 200_000, ("sm", "mm")[column]
+    mean = t[f"mean_u_{name}"]
+    with np.errstate(invalid="ignore"):
+        spread = np.sqrt(t[f"meansq_u_{name}"] - mean**2)
+    picked = np.flatnonzero(spread <= 2 * mean)
+    assert picked.size > 20
+    laws = list(zip(t["b"][picked], t["kappa"][picked], strict=True))
+    xi = np.random.default_rng(11).random((draws * len(laws), 3))
+    flights = device_kernels.sample_law(laws, np.clip(xi, 2.0**-32, 1 - 2.0**-24))[column]
+    found = flights.astype(np.float64).reshape(draws, len(laws)).mean(axis=0)
+    stats.assert_means(found, spread[picked] / np.sqrt(draws), mean[picked], detects=0.03)
+
+
 SHORTEST, LONGEST = 1e-30, 1e29
 """Flights beyond are zero or escaped in float32: legitimate, and counted rather than resolved."""
 
