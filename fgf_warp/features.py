@@ -22,7 +22,7 @@ from fgf_warp.scene import (
     Solid,
     SphereLight,
 )
-from fgf_warp.settings import Aov, RenderSettings, Sampler
+from fgf_warp.settings import TRACED_AOVS, Aov, RenderSettings, Sampler
 
 NAMES_SHOWN = 3
 
@@ -121,7 +121,7 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         phases=frozenset(medium.phase_function for medium in media),
         frozen=any(medium.freezes_paths for medium in media),
         exact_variance=any(law.kind == "exact_fbm" for medium in media for law in medium.channel_laws),
-        aovs=settings.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO},
+        aovs=settings.aovs & TRACED_AOVS,
         sampler=settings.sampler,
     )
 
@@ -178,7 +178,8 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
         Reason("environment", features.environment, _why(named(DomeLight))),
         *(
             Reason(f"plane: {aov}", aov in features.aovs, "asked for" if aov in features.aovs else "not asked for")
-            for aov in (Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO)
+            for aov in Aov
+            if aov in TRACED_AOVS
         ),
         Reason(f"sampler: {features.sampler}", True, "as the settings say"),
     )

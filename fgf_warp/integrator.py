@@ -519,6 +519,18 @@ def build_program(features: RenderFeatures) -> Program:
                     path.has_met_medium = 1
         return path
 
+    @wp.func(inline=True)
+    def length_in_medium(path: Path) -> float:
+        """Of the medium segment that ends at this event; 0 where none does."""
+        end = wp.min(path.flight, path.hit.t)
+        length = float(0.0)
+        if wp.static(lone_solid):
+            length = wp.max(wp.min(end, path.t_out), path.t_in) - path.t_in
+        else:
+            ends = path.medium >= 0 and path.keeps == 0 and end < 0.5 * INFINITE
+            length = wp.where(ends, end - path.segment, 0.0)
+        return length
+
     # ---- arrive: cross a boundary, leave the scene, end at a light, or scatter.
 
     @wp.func(inline=True)
@@ -569,8 +581,15 @@ def build_program(features: RenderFeatures) -> Program:
                 passed = wp.where(is_first, passed, before.first_transmittance[0])
                 path.first_transmittance = wp.vec3(passed, passed, passed)
 
-        # Light ends there: what it met, or what is beyond the scene.
         weight = channel_weight(before)
+        if wp.static(features.media and Aov.COLLISIONS in features.aovs):
+            collisions = wp.where(scatters_in_medium, 1.0, 0.0)
+            path.collisions = before.collisions + wp.cw_mul(before.throughput, weight) * collisions
+        if wp.static(features.media and Aov.PATH_LENGTH in features.aovs):
+            length = wp.where(is_alive, length_in_medium(before), 0.0)
+            path.path_length = before.path_length + wp.cw_mul(before.throughput, weight) * length
+
+        # Light ends there: what it met, or what is beyond the scene.
         if wp.static(meets_emitters):
             ends_there = wp.where(escapes or meets_light or meets_surface, 1.0, 0.0)
             path.radiance = path.radiance + wp.cw_mul(before.throughput, wp.cw_mul(before.met, weight)) * ends_there
@@ -854,6 +873,8 @@ def build_program(features: RenderFeatures) -> Program:
         sample.depth = path.first_depth
         sample.transmittance = path.first_transmittance
         sample.albedo = path.first_albedo
+        sample.collisions = path.collisions
+        sample.path_length = path.path_length
         sample.truncated = path.truncated
         return add_sample(before, sample, is_complete)
 
@@ -871,6 +892,10 @@ def build_program(features: RenderFeatures) -> Program:
             tally.transmittance = film.transmittance[place]
         if wp.static(Aov.ALBEDO in features.aovs):
             tally.albedo = film.albedo[place]
+        if wp.static(Aov.COLLISIONS in features.aovs):
+            tally.collisions = film.collisions[place]
+        if wp.static(Aov.PATH_LENGTH in features.aovs):
+            tally.path_length = film.path_length[place]
         return tally
 
     @wp.func
@@ -886,6 +911,10 @@ def build_program(features: RenderFeatures) -> Program:
             film.transmittance[place] = tally.transmittance
         if wp.static(Aov.ALBEDO in features.aovs):
             film.albedo[place] = tally.albedo
+        if wp.static(Aov.COLLISIONS in features.aovs):
+            film.collisions[place] = tally.collisions
+        if wp.static(Aov.PATH_LENGTH in features.aovs):
+            film.path_length[place] = tally.path_length
 
     # ---- the drivers.
 

@@ -40,7 +40,9 @@ FARTHEST = 1e38
 """Depths beyond it stand for nothing met."""
 BLOCK_DIM = 128
 """Threads of a CUDA block."""
-DEVELOPING_BYTES = 160
+MEAN_AOVS = (Aov.TRANSMITTANCE, Aov.ALBEDO, Aov.COLLISIONS, Aov.PATH_LENGTH)
+"""Planes that are means over the samples; the film has their sums under the same names."""
+DEVELOPING_BYTES = 184
 """Per pixel, while the image of a film is made: its planes, and float64 values on the way to them."""
 
 _build_lock = threading.Lock()
@@ -166,7 +168,7 @@ def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings)
 def image_bytes(settings: RenderSettings) -> int:
     """Memory that one image takes while it is rendered, beside the scene."""
     film = 2 * 24 + 8 + 2 * 4  # radiance and its square, alpha, two counts
-    film += 24 * len(settings.aovs & {Aov.TRANSMITTANCE, Aov.ALBEDO}) + 4 * (Aov.DEPTH in settings.aovs)
+    film += 24 * len(settings.aovs & set(MEAN_AOVS)) + 4 * (Aov.DEPTH in settings.aovs)
     return settings.width * settings.height * (film + DEVELOPING_BYTES)
 
 
@@ -197,8 +199,8 @@ def begin(model: Model) -> State:
     film.alpha = plane(wp.float64)
     film.depth = plane(wp.float32, Aov.DEPTH in settings.aovs)
     film.depth.fill_(np.inf)
-    film.transmittance = plane(wp.vec3d, Aov.TRANSMITTANCE in settings.aovs)
-    film.albedo = plane(wp.vec3d, Aov.ALBEDO in settings.aovs)
+    for aov in MEAN_AOVS:
+        setattr(film, aov, plane(wp.vec3d, aov in settings.aovs))
     film.invalid = plane(wp.int32)
     film.truncated = plane(wp.int32)
     images = len(model.variants)
@@ -293,10 +295,9 @@ def develop(model: Model, state: State, image: int = 0) -> RenderResult:
     if Aov.DEPTH in settings.aovs:
         depth = plane(film.depth)
         aovs[Aov.DEPTH] = np.where(depth < FARTHEST, depth, np.inf).astype(np.float32)
-    if Aov.TRANSMITTANCE in settings.aovs:
-        aovs[Aov.TRANSMITTANCE] = (plane(film.transmittance) / n).astype(np.float32)
-    if Aov.ALBEDO in settings.aovs:
-        aovs[Aov.ALBEDO] = (plane(film.albedo) / n).astype(np.float32)
+    for aov in MEAN_AOVS:
+        if aov in settings.aovs:
+            aovs[aov] = (plane(getattr(film, aov)) / n).astype(np.float32)
     return RenderResult(
         radiance=radiance.astype(np.float32),
         alpha=(plane(film.alpha) / n).astype(np.float32),

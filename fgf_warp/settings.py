@@ -38,6 +38,16 @@ class Aov(StrEnum):
     """Diffuse reflectance or single-scattering albedo where the path first interacts; 0 where it never does."""
     SAMPLES = "samples"
     """Number of samples in the pixel."""
+    COLLISIONS = "collisions"
+    """Mean number of collisions in media of a particle that takes the camera's place, per channel: each of them absorbs
+    it with probability 1 - albedo, and the one that does is counted. Estimated by the path's throughput, and where
+    channels differ in extinction its weight, before each collision; that is the plain count where albedo is 1."""
+    PATH_LENGTH = "path_length"
+    """Mean length that the same particle travels in media, per channel [stage unit]; weighted alike."""
+
+
+TRACED_AOVS = frozenset({Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO, Aov.COLLISIONS, Aov.PATH_LENGTH})
+"""The planes that a kernel must be built for; the others follow from its sums."""
 
 
 @dataclass(frozen=True)

@@ -155,7 +155,7 @@ class SweepConfig(_Model):
     image: ImageConfig = ImageConfig()
     spp: Count | None = None
     preset: Literal["preview", "balanced", "reference"] = "balanced"
-    aovs: list[Literal["depth", "variance", "transmittance", "albedo", "samples"]] = []
+    aovs: list[Literal["depth", "variance", "transmittance", "albedo", "samples", "collisions", "path_length"]] = []
     png: bool = True
     exposure: Annotated[float, Field(ge=-EXPOSURE_MAX, le=EXPOSURE_MAX)] = 0.0
     transport: Literal["reciprocal", "renewal", "mixed"] | None = None

@@ -14,7 +14,8 @@ def made_up_render(settings: RenderSettings, **provenance) -> RenderResult:
     def plane(*channels: int) -> np.ndarray:
         return rng.random((*shape, *channels), dtype=np.float32)
 
-    planes = {Aov.DEPTH: plane() * 10, Aov.TRANSMITTANCE: plane(3), Aov.ALBEDO: plane(3)}
+    planes = {Aov.DEPTH: plane() * 10}
+    planes |= {aov: plane(3) for aov in (Aov.TRANSMITTANCE, Aov.ALBEDO, Aov.COLLISIONS, Aov.PATH_LENGTH)}
     planes[Aov.DEPTH][0, 0] = np.inf
     return RenderResult(
         radiance=plane(3),

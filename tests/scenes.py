@@ -1,5 +1,7 @@
 """Scenes with known answers, in code."""
 
+import math
+
 import numpy as np
 
 from fgf_warp.scene import Camera, DomeLight, Medium, Scene, Solid, Surface
@@ -40,20 +42,27 @@ WIDE = 1e7
 FAR = 1e3
 
 
-def slab(thickness: float, *, incidence: str, **medium) -> Scene:
-    """An unbounded slab, sigma_m = 1, whose reflectance is the red and transmittance the green of every pixel.
+def law_of(b: float, kappa: float) -> dict[str, float]:
+    """Parameters of a medium of this law: b alone enters it, H follows from b, and b = 1 is any H of an fBm."""
+    return dict(hurst=(b - 1) / 2 if b < 1 else 0.5, kappa=kappa)
+
+
+def slab(thickness: float, *, incidence: str | float, **medium) -> Scene:
+    """An unbounded slab below z = 0, sigma_m = 1, whose reflectance is the red and transmittance the green of a pixel.
 
     A path is a particle that enters from the camera's side. Red is the sky above; green glows from a plane far
-    below. With Lambert incidence the camera sees the underside of a small white patch high above the slab.
+    below. With Lambert incidence the camera sees the underside of a small white patch high above the slab; otherwise
+    `incidence` is the cosine of the angle at which it looks down.
     """
-    below = Solid("/below", "cube", transform((WIDE, WIDE, 1.0), (0, 0, -FAR)), Surface((0, 0, 0), (0, 1, 0)))
-    block = Solid("/slab", "cube", transform((WIDE, WIDE, thickness / 2)), medium=0)
+    block = Solid("/slab", "cube", transform((WIDE, WIDE, thickness / 2), (0, 0, -thickness / 2)), medium=0)
+    depth = thickness + FAR
+    below = Solid("/below", "cube", transform((WIDE, WIDE, 1.0), (0, 0, -depth)), Surface((0, 0, 0), (0, 1, 0)))
     shapes = [below, block]
     if incidence == "lambert":
         shapes.append(Solid("/patch", "cube", transform(1.0, (0, 0, FAR + 1.0)), Surface((1.0, 1.0, 1.0))))
         view = camera((0, 0, FAR - 1.0), (0, 0, FAR), aperture=1e-3)
     else:
-        view = camera((0, 0, 10.0), (0, 0, 0), aperture=1e-4)
+        view = camera((100 * math.sqrt(1 - incidence**2), 0, 100 * incidence), (0, 0, 0), aperture=1e-5)
     return Scene(
         view,
         shapes=tuple(shapes),

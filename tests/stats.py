@@ -55,9 +55,9 @@ def assert_histogram(counts, expected) -> None:
     assert p >= FAMILY_LEVEL, f"p = {p:.2e}"
 
 
-def image_mean(result, channel: int = 0) -> tuple[float, float]:
-    """Mean of an image whose pixels are all alike, and its standard error from the spread of the pixels."""
-    pixels = result.radiance[..., channel].astype(np.float64)
+def image_mean(result, channel: int = 0, *, aov=None) -> tuple[float, float]:
+    """Mean of an image or a plane whose pixels are all alike, and its standard error from the spread of the pixels."""
+    pixels = (result.radiance if aov is None else result.aovs[aov])[..., channel].astype(np.float64)
     return float(pixels.mean()), float(pixels.std(ddof=1) / np.sqrt(pixels.size))
 
 
@@ -77,6 +77,31 @@ def assert_images_agree(a, b, *, blocks: int, detects: float) -> None:
     assert not black.all()
     floor = block_b.mean()
     assert_means((floor + block_a - block_b)[~black], errors[~black], np.full((~black).sum(), floor), detects=detects)
+
+
+def plane_mean(a, b) -> tuple[float, float]:
+    """Mean of a plane of two independent renders, and its standard error from the spread of the pixels' differences.
+
+    So the pixels need not be alike.
+    """
+    mean, half = (np.asarray(a, dtype=np.float64) + b) / 2, (np.asarray(a, dtype=np.float64) - b) / 2
+    return float(mean.mean()), float(half.std(ddof=1) / np.sqrt(half.size))
+
+
+def assert_planes_agree(a, b, *, detects: float) -> None:
+    """Asserts that a plane of two independent renders has the same mean in each channel.
+
+    The errors follow from the spread of the pixels' differences, whatever the picture.
+
+    Args:
+        a: (height, width, channels).
+        b: of the same shape.
+        detects: as for `assert_means`.
+    """
+    difference = (a.astype(np.float64) - b).reshape(-1, a.shape[-1])
+    expected = b.mean(axis=(0, 1), dtype=np.float64)
+    errors = difference.std(axis=0, ddof=1) / np.sqrt(len(difference))
+    assert_means(expected + difference.mean(axis=0), errors, expected, detects=detects)
 
 
 def _block_means(image, blocks: int):

@@ -19,6 +19,8 @@ class Film:
     """The nearest, not a sum."""
     transmittance: wp.array(dtype=wp.vec3d)
     albedo: wp.array(dtype=wp.vec3d)
+    collisions: wp.array(dtype=wp.vec3d)
+    path_length: wp.array(dtype=wp.vec3d)
     invalid: wp.array(dtype=wp.int32)
     """Samples that were not finite, and were left out."""
     truncated: wp.array(dtype=wp.int32)
@@ -35,6 +37,8 @@ class Tally:
     depth: float
     transmittance: wp.vec3d
     albedo: wp.vec3d
+    collisions: wp.vec3d
+    path_length: wp.vec3d
     invalid: int
     truncated: int
 
@@ -48,6 +52,8 @@ class Sample:
     depth: float
     transmittance: wp.vec3
     albedo: wp.vec3
+    collisions: wp.vec3
+    path_length: wp.vec3
     truncated: int
 
 
@@ -81,4 +87,6 @@ def add_sample(before: Tally, sample: Sample, is_complete: bool) -> Tally:
     tally.depth = wp.min(before.depth, wp.where(is_valid, sample.depth, INFINITE))
     tally.transmittance = add_where(is_valid, before.transmittance, sample.transmittance)
     tally.albedo = add_where(is_valid, before.albedo, sample.albedo)
+    tally.collisions = add_where(is_valid, before.collisions, sample.collisions)
+    tally.path_length = add_where(is_valid, before.path_length, sample.path_length)
     return tally

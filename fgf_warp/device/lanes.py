@@ -16,6 +16,11 @@ from fgf_warp.device.phase import Phase
 
 LANES = wp.constant(128)
 
+FIRST_AOVS = frozenset({"depth", "transmittance", "albedo"})
+"""Planes of what a path meets first."""
+SUMMED_AOVS = ("collisions", "path_length")
+"""Planes of sums along a path."""
+
 
 @wp.struct
 class Path:
@@ -63,6 +68,10 @@ class Path:
     first_transmittance: wp.vec3
     first_albedo: wp.vec3
     has_met_medium: int
+    collisions: wp.vec3
+    """In media so far, each weighted by the throughput before it."""
+    path_length: wp.vec3
+    """In media so far, weighted alike."""
 
     xi: wp.vec4
     """Of this event: flight, roulette, and two for the new direction."""
@@ -124,16 +133,18 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"channel": 1, "channel_pdfs": 3}
     if features.frozen:
         sizes |= {"rates": 3 if features.chromatic else 1}
-    if features.aovs:
+    if features.aovs & FIRST_AOVS:
         sizes |= {"first_depth": 1, "first_transmittance": 3, "first_albedo": 3, "has_met_medium": 1}
+    sizes |= {name: 3 for name in SUMMED_AOVS if name in features.aovs}
     return rows_of(sizes)
 
 
 def tally_slots(features: Any) -> dict[str, int]:
     """First row, of float64, of each number that a pixel's tally has in a scene of these features."""
     sizes = {"radiance": 3, "radiance_sq": 3, "alpha": 1, "invalid": 1, "truncated": 1}
-    if features.aovs:
+    if features.aovs & FIRST_AOVS:
         sizes |= {"depth": 1, "transmittance": 3, "albedo": 3}
+    sizes |= {name: 3 for name in SUMMED_AOVS if name in features.aovs}
     return rows_of(sizes)
 
 
@@ -228,6 +239,10 @@ def build_tallies(features: Any) -> tuple[Any, Any]:
             tally.depth = float(sums[wp.static(at["depth"]) * LANES + i])
             tally.transmittance = get3d(sums, wp.static(at["transmittance"]), i)
             tally.albedo = get3d(sums, wp.static(at["albedo"]), i)
+        if wp.static("collisions" in at):
+            tally.collisions = get3d(sums, wp.static(at["collisions"]), i)
+        if wp.static("path_length" in at):
+            tally.path_length = get3d(sums, wp.static(at["path_length"]), i)
         return tally
 
     @wp.func(inline=True)
@@ -241,6 +256,10 @@ def build_tallies(features: Any) -> tuple[Any, Any]:
             sums[wp.static(at["depth"]) * LANES + i] = wp.float64(tally.depth)
             put3d(sums, wp.static(at["transmittance"]), i, tally.transmittance)
             put3d(sums, wp.static(at["albedo"]), i, tally.albedo)
+        if wp.static("collisions" in at):
+            put3d(sums, wp.static(at["collisions"]), i, tally.collisions)
+        if wp.static("path_length" in at):
+            put3d(sums, wp.static(at["path_length"]), i, tally.path_length)
 
     return load_tally, store_tally
 
@@ -328,6 +347,10 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.first_transmittance = get3(lanes, wp.static(at["first_transmittance"]), i)
             path.first_albedo = get3(lanes, wp.static(at["first_albedo"]), i)
             path.has_met_medium = get_int(lanes, wp.static(at["has_met_medium"]), i)
+        if wp.static("collisions" in at):
+            path.collisions = get3(lanes, wp.static(at["collisions"]), i)
+        if wp.static("path_length" in at):
+            path.path_length = get3(lanes, wp.static(at["path_length"]), i)
         return path
 
     @wp.func(inline=True)
@@ -409,5 +432,9 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put3(lanes, wp.static(at["first_transmittance"]), i, path.first_transmittance)
             put3(lanes, wp.static(at["first_albedo"]), i, path.first_albedo)
             put_int(lanes, wp.static(at["has_met_medium"]), i, path.has_met_medium)
+        if wp.static("collisions" in at):
+            put3(lanes, wp.static(at["collisions"]), i, path.collisions)
+        if wp.static("path_length" in at):
+            put3(lanes, wp.static(at["path_length"]), i, path.path_length)
 
     return load, store

@@ -9,6 +9,8 @@
 | ``transmittance.R`` ``.G`` ``.B`` | `Aov.TRANSMITTANCE` |
 | ``albedo.R`` ``.G`` ``.B`` | `Aov.ALBEDO` |
 | ``samples.Y`` | `Aov.SAMPLES`; Y is the name that viewers show as a single grey plane |
+| ``collisions.R`` ``.G`` ``.B`` | `Aov.COLLISIONS` |
+| ``path_length.R`` ``.G`` ``.B`` | `Aov.PATH_LENGTH` |
 
 The string attribute ``fgf:parameters`` is one JSON object, `RenderResult.provenance`; EXR has no attribute type
 that keeps nested parameters in double precision.
@@ -35,6 +37,8 @@ AOV_CHANNELS: dict[Aov, tuple[str, ...]] = {
     Aov.TRANSMITTANCE: ("transmittance.R", "transmittance.G", "transmittance.B"),
     Aov.ALBEDO: ("albedo.R", "albedo.G", "albedo.B"),
     Aov.SAMPLES: ("samples.Y",),
+    Aov.COLLISIONS: ("collisions.R", "collisions.G", "collisions.B"),
+    Aov.PATH_LENGTH: ("path_length.R", "path_length.G", "path_length.B"),
 }
 
 

@@ -5,8 +5,8 @@ Every regime of a fractional Gaussian field is one family in the mean optical de
     y(u) = kappa u^b        Tr(u) = exp(-u log1p(y) / y)
 
 with b = min(1 + 2H, 1) and kappa the line variance in units of the mean. Source: Guo et al. 2019, supplement,
-equations (9) to (14), with the sign of (5) corrected. That of fractional Brownian motion is asymptotic, for t << L; with
-its exact variance, (11), the law has a third number, see `theory.fbm`.
+equations (9) to (14), with the sign of (5) corrected. The variance of fractional Brownian motion is asymptotic, for
+t << L; with the exact one, (11), the law has a third number, see `theory.fbm`.
 """
 
 from __future__ import annotations

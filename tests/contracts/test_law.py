@@ -66,6 +66,36 @@ def test_samplers_at_50_digits(reference):
     assert np.abs(found - t["ln_u_sm"][within]).max() < 1e-13 * np.abs(t["ln_u_sm"][within]).max()
 
 
+def test_flights_between_medium_vertices_at_50_digits(reference):
+    """Tms(u) = xi, up to a relative rounding of u and an absolute one of Tms."""
+    t = reference("inverse_cdf.csv")
+    within = np.abs(t["ln_u_mm"]) < 300
+    assert within.sum() > 150
+    b, kappa, xi, u = t["b"][within], t["kappa"][within], t["xi"][within], np.exp(t["ln_u_mm"][within])
+    slope = u * kernels.density_mm(b, kappa, u)
+    assert np.all(np.abs(kernels.transmittance_ms(b, kappa, u) - xi) < 1e-12 * slope + 4e-16)
+
+
+def ln_survival(name: str, b: float, kappa: float, u: np.ndarray) -> np.ndarray:
+    """ln of Tss or Tms, of flights that end as ``sm`` and ``mm``; formed so that it does not underflow."""
+    shortened = np.log(kernels.line_exponent_d1(b, kappa, u) / kernels.initial_rate(b, kappa)) if name == "mm" else 0.0
+    return shortened - kernels.line_exponent(b, kappa, u)
+
+
+@pytest.mark.parametrize("name", ["sm", "mm"])
+def test_moments_at_50_digits(reference, name):
+    """The mean of u^n is the integral of n u^(n-1) times the survival, by the trapezoidal rule in ln u."""
+    t = reference("moments.csv")
+    for column, order in ((f"mean_u_{name}", 1), (f"meansq_u_{name}", 2)):
+        finite = np.flatnonzero(np.isfinite(t[column]))
+        assert finite.size > 30
+        x, found = np.arange(-60.0, 700.0, 1 / 64), []
+        for i in finite:
+            ln_u_n = order * x + ln_survival(name, t["b"][i], t["kappa"][i], np.exp(x))
+            found.append(order * np.exp(ln_u_n).sum() / 64)
+        assert_relative(found, t[column][finite], 1e-10)
+
+
 def test_mean_free_path_at_50_digits(reference):
     t = reference("moments.csv")
     found = np.array([kernels.mean_free_path(b, kappa) for b, kappa in zip(t["b"], t["kappa"], strict=True)])

@@ -84,8 +84,8 @@ def test_the_memory_that_an_image_is_said_to_need_is_what_it_takes(monkeypatch):
     settings = replace(SETTINGS, aovs=frozenset(Aov))
     monkeypatch.setattr(renderer, "DEVELOPING_BYTES", 0)
     film = renderer.begin(renderer.build_model(furnace(), settings)).film
-    planes = [getattr(film, name) for name in ("radiance", "radiance_sq", "alpha", "depth", "transmittance", "albedo")]
-    assert sum(plane.capacity for plane in (*planes, film.invalid, film.truncated)) == image_bytes(settings)
+    own = ("radiance", "radiance_sq", "alpha", "depth", "invalid", "truncated")
+    assert sum(getattr(film, name).capacity for name in (*own, *renderer.MEAN_AOVS)) == image_bytes(settings)
 
 
 def test_an_image_that_the_memory_does_not_hold_is_refused():

@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 
 from fgf_warp.renderer import begin, build_model, develop, step
-from fgf_warp.settings import RenderSettings
+from fgf_warp.settings import Aov, RenderSettings
 from tests.grid import REGIMES
 from tests.render.test_render import full_scene
 from tests.scenes import furnace
@@ -74,7 +74,7 @@ def test_the_pool_of_lanes_is_faster_than_one_path_at_a_time(make, ratio):
 )
 def test_both_drivers_render_the_same_picture(make):
     """The driver of CUDA, run on the CPU: from the same random numbers, up to the order of sums."""
-    model = build_model(make(), replace(SETTINGS, spp=8))
+    model = build_model(make(), replace(SETTINGS, spp=8, aovs=frozenset(Aov)))
     pool, threads = begin(model), begin(model)
     step(model, pool, 8)
     launch_threads(model, threads)
@@ -82,3 +82,5 @@ def test_both_drivers_render_the_same_picture(make):
     a, b = develop(model, pool), develop(model, threads)
     assert np.allclose(a.radiance, b.radiance, rtol=1e-4, atol=1e-6)
     assert np.array_equal(a.alpha, b.alpha)
+    for aov, plane in a.aovs.items():
+        assert np.allclose(plane, b.aovs[aov], rtol=1e-4, atol=1e-6), aov

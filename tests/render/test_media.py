@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from fgf_warp.renderer import render
 from fgf_warp.scene import DistantLight, Medium, Mesh, Solid, Surface
@@ -37,6 +38,10 @@ def test_absorbing_sphere_shows_the_law(regime, transport):
     assert np.abs(result.aovs[Aov.TRANSMITTANCE] / expected - 1).max() < 2e-5
     assert np.abs(result.aovs[Aov.DEPTH] - 4.0).max() < 1e-5
     assert np.abs(1 - result.alpha - result.radiance[..., 0]).max() < 1e-6
+    # A particle collides once at most, and travels as far as it survives.
+    assert np.array_equal(result.aovs[Aov.COLLISIONS][..., 1], result.alpha)
+    length = quad(lambda t: transmittance(scene.media[0], t), 0.0, 2.0)[0]
+    stats.assert_means(*stats.image_mean(result, aov=Aov.PATH_LENGTH), length, detects=0.02)
 
 
 @pytest.mark.parametrize("regime", REGIMES)
@@ -164,19 +169,21 @@ def test_a_medium_that_stands_on_a_floor(kinds):
     ],
 )
 def test_chromatic_extinction_is_three_media(regime, transport):
-    """Each channel of a chromatic render against a render of that channel's extinction alone."""
-    color, albedo = (1.0, 0.4, 0.1), (0.9, 0.7, 0.99)
+    """Each channel of a chromatic render, and its mean collisions and path length, against that channel alone."""
+    color, albedo = (1.0, 0.4, 0.2), (0.9, 0.7, 0.99)
     parameters = REGIMES[regime] | dict(transport=transport, asymmetry=0.5)
-    settings = replace(SETTINGS, spp=512)
-    together = render(furnace(extinction_color=color, albedo=albedo, **parameters), settings)
+    settings = replace(SETTINGS, spp=2048, aovs=frozenset({Aov.COLLISIONS, Aov.PATH_LENGTH}))
+    together = render(through_the_middle(furnace(extinction_color=color, albedo=albedo, **parameters)), settings)
     found, errors, expected = [], [], []
     for channel in range(3):
         alone = furnace(mean_extinction=2.5 * color[channel], albedo=(albedo[channel],) * 3, **parameters)
-        mono = stats.image_mean(render(alone, replace(settings, seed=50 + channel)))
-        mean, error = stats.image_mean(together, channel)
-        found.append(mean)
-        errors.append(np.hypot(error, mono[1]))
-        expected.append(mono[0])
+        mono = render(through_the_middle(alone), replace(settings, seed=50 + channel))
+        for aov in (None, Aov.COLLISIONS, Aov.PATH_LENGTH):
+            mean, error = stats.image_mean(together, channel, aov=aov)
+            mono_mean, mono_error = stats.image_mean(mono, aov=aov)
+            found.append(mean)
+            errors.append(np.hypot(error, mono_error))
+            expected.append(mono_mean)
     stats.assert_means(found, errors, expected, detects=0.02)
 
 

@@ -100,6 +100,8 @@ def test_a_chord_through_the_medium_is_the_same_as_crossing_its_boundaries(regim
     require(added, scene, settings, monkeypatch)
     crossing = render(scene, replace(settings, seed=4))
     stats.assert_images_agree(chord, crossing, blocks=4, detects=0.1)
+    for aov in (Aov.COLLISIONS, Aov.PATH_LENGTH):
+        stats.assert_planes_agree(chord.aovs[aov], crossing.aovs[aov], detects=0.05)
     for aov in (Aov.DEPTH, Aov.TRANSMITTANCE):
         near, far = chord.aovs[aov], crossing.aovs[aov]
         whole = np.isfinite(near) & np.isfinite(far)
