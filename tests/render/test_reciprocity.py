@@ -19,7 +19,7 @@ from tests import stats
 from tests.scenes import WIDE, camera, law_of, transform
 
 SETTINGS = RenderSettings(width=32, height=32, spp=256, max_depth=100_000)
-TRANSPORTS = ("reciprocal",)
+TRANSPORTS = ("reciprocal", "mixed")
 """Those that are reciprocal."""
 STEEP, SLANT = 0.9, 0.25
 """Cosines; below 0 on the lower side of the layers."""
