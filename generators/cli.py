@@ -1,8 +1,8 @@
 """The command line `fgf`: renders, datasets and the transmittance law.
 
-Exit codes: 0 fine; 2 the input is not accepted; 3 only a part could be made; 4 a file is damaged, or samples were
-not finite; 5 a measurement is not as the theory says. What takes long to import is imported by the command that needs
-it.
+Exit codes: 0 fine; 2 the input is not accepted; 3 only a part could be made, or keeps its bounds; 4 a file is
+damaged, or samples were not finite; 5 a measurement is not as the theory says. What takes long to import is imported
+by the command that needs it.
 """
 
 from __future__ import annotations
@@ -374,6 +374,41 @@ def figures(
         typer.echo(verdict.text)
     if not all(verdict.passed for verdict in gallery.verdicts):
         raise typer.Exit(EXIT_UNEXPECTED)
+
+
+@app.command()
+def stability(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the report.")] = Path("stability"),
+    quick: Annotated[bool, typer.Option("--quick", help="Few of the extremes, in less than half a minute.")] = False,
+    device: Device = "cpu",
+) -> None:
+    """Try law, samplers, parameters and small renders at their extremes, and report how far each is from its bound.
+
+    Writes index.html with heat maps, and every cell as a row of cells.parquet. Where anything is outside its bound,
+    the exit code is 3.
+
+    \b
+    Example:
+      fgf stability --quick
+    """  # noqa: D301
+    _start_warp(device)
+    from generators.stability import run  # noqa: PLC0415
+    from generators.stability.extremes import FULL, QUICK  # noqa: PLC0415
+
+    run.make_folder(out)
+    with _progress(counted=True) as progress:
+        task = progress.add_task("", total=None)
+
+        def show(part: str, done: int, total: int) -> None:
+            progress.update(task, description=part, completed=done, total=total)
+
+        outcome = run.measure(QUICK if quick else FULL, device, show)
+        progress.update(task, description="drawing", completed=0, total=None)
+        report = run.write(outcome, out, f"fgf stability --device {device}{' --quick' if quick else ''}")
+    typer.echo(run.conclude(outcome))
+    typer.echo(f"report  {report}")
+    if outcome.outside_count:
+        raise typer.Exit(EXIT_PARTIAL)
 
 
 def main() -> None:
