@@ -403,7 +403,7 @@ def stability(
             progress.update(task, description=part, completed=done, total=total)
 
         outcome = run.measure(QUICK if quick else FULL, device, show)
-        progress.update(task, description="drawing", completed=0, total=None)
+        progress.update(task, description="drawing", completed=0, total=1)
         report = run.write(outcome, out, f"fgf stability --device {device}{' --quick' if quick else ''}")
     typer.echo(run.conclude(outcome))
     typer.echo(f"report  {report}")

@@ -51,6 +51,8 @@ COLLISIONS, CUT, SECONDS = "scattering events per path", "share of paths cut", "
 RESCALED, CHANGED = "difference to scale 1", "share of pixels that differ from scale 1"
 """The quantities."""
 
+Index = tuple[int, ...]
+"""A place in a grid."""
 Progress = Callable[[int, int], None]
 """Called with the renders done so far, and in all."""
 
@@ -112,7 +114,7 @@ class Cell:
         seed: equal ones give equal images.
     """
 
-    index: tuple[int, ...]
+    index: Index
     scene: Scene
     radius: float
     seed: int
@@ -218,26 +220,21 @@ def run_experiment(experiment: Experiment, device: str, progress: Progress | Non
     settings = experiment.settings(device)
     refusals = np.full(experiment.shape, "", dtype=object)
     cells = list(_cells(experiment, refusals))
-    readings: dict[tuple[int, ...], Reading] = {}
-    failures = []
-    for done, (cell, reading) in enumerate(_read(experiment, cells, settings)):
-        if isinstance(reading, Reading):
-            readings[cell.index] = reading
-        else:
-            failures.append(str(reading))
+    found: dict[Index, Reading | NumericalError] = {}
+    for cell, reading in _read(experiment, cells, settings):
+        found[cell.index] = reading
         if progress is not None:
-            progress(done + 1, len(cells))
-    again = [
-        replace(cell, seed=sample_seed(1, cell.seed))
-        for cell in cells
-        if cell.index in readings and readings[cell.index].off > readings[cell.index].bound
-    ]
-    for cell, reading in _read(experiment, again, replace(settings, spp=SECOND_LOOK * settings.spp)):
-        if isinstance(reading, Reading):
-            readings[cell.index] = reading
-        else:
-            failures.append(str(reading))
-    return Rendered(experiment, _measure(experiment, cells, readings, refusals), tuple(failures), len(again))
+            progress(len(found), len(cells))
+    again = [cell for cell in cells if experiment.is_noisy and _is_beyond(found[cell.index])]
+    others = [replace(cell, seed=sample_seed(1, cell.seed)) for cell in again]
+    for cell, reading in _read(experiment, others, replace(settings, spp=SECOND_LOOK * settings.spp)):
+        found[cell.index] = reading
+    failures = tuple(str(reading) for reading in found.values() if isinstance(reading, NumericalError))
+    return Rendered(experiment, _measure(experiment, found, refusals), failures, len(again))
+
+
+def _is_beyond(reading: Reading | NumericalError) -> bool:
+    return isinstance(reading, Reading) and reading.off > reading.bound
 
 
 def _cells(experiment: Experiment, refusals: np.ndarray) -> Iterator[Cell]:
@@ -332,21 +329,20 @@ def _held_errors(model: Model) -> np.ndarray:
 
 
 def _measure(
-    experiment: Experiment,
-    cells: Sequence[Cell],
-    readings: dict[tuple[int, ...], Reading],
-    refusals: np.ndarray,
+    experiment: Experiment, found: dict[Index, Reading | NumericalError], refusals: np.ndarray
 ) -> dict[str, Measurement]:
+    readings = {index: reading for index, reading in found.items() if isinstance(reading, Reading)}
+
     def over(value: Callable[[Reading], float], failed: float = np.nan) -> np.ndarray:
         grid = np.full(experiment.shape, np.nan)
-        for cell in cells:
-            grid[cell.index] = value(readings[cell.index]) if cell.index in readings else failed
+        for index in found:
+            grid[index] = value(readings[index]) if index in readings else failed
         return grid
 
     def measured(quantity: str, values: np.ndarray, bound: np.ndarray | float | None = None) -> Measurement:
         return Measurement(quantity, experiment.axes, values, bound, refusals)
 
-    found = {
+    quantities = {
         BALANCE: measured(BALANCE, over(lambda reading: reading.off, np.inf), over(lambda reading: reading.bound)),
         HELD: measured(HELD, over(lambda reading: reading.held), HELD_BOUND),
         COLLISIONS: measured(COLLISIONS, over(lambda reading: reading.collisions)),
@@ -354,15 +350,15 @@ def _measure(
         SECONDS: measured(SECONDS, over(lambda reading: reading.seconds)),
     }
     if not experiment.is_noisy:
-        found[EXCESS] = measured(EXCESS, over(lambda r: max(r.radiance.max() - 1, -r.radiance.min(), 0.0)), FLOOR)
+        quantities[EXCESS] = measured(EXCESS, over(lambda r: max(r.radiance.max() - 1, -r.radiance.min(), 0.0)), FLOOR)
     if experiment.keeps_depth:
-        found |= _compare_scales(experiment, readings, measured)
-    return found
+        quantities |= _compare_scales(experiment, readings, measured)
+    return quantities
 
 
 def _compare_scales(
     experiment: Experiment,
-    readings: dict[tuple[int, ...], Reading],
+    readings: dict[Index, Reading],
     measured: Callable[..., Measurement],
 ) -> dict[str, Measurement]:
     """Each image beside that of scale 1, which has the same seed."""

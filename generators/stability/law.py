@@ -11,7 +11,7 @@ from fgf_warp import probes
 from fgf_warp.theory import kernels, phase
 from generators.stability.measurement import Axis, Measurement
 
-LIKELIEST_ZERO, LIKELIEST_ONE = 2.0**-32, 1 - 2.0**-24
+LEAST_UNIFORM, LARGEST_UNIFORM = 2.0**-32, 1 - 2.0**-24
 """The ends of the device's uniforms."""
 AXIS = np.array([0.48, -0.6, 0.64])
 """Directions are measured around it."""
@@ -56,7 +56,7 @@ def measure_law(
 
 
 def measure_flights(bs: tuple[float, ...], kappas: tuple[float, ...], draws: int, device: str) -> list[Measurement]:
-    """Flights from the same numbers as their float64 twins, the likeliest extremes of those numbers among them.
+    """Flights from the same numbers as their float64 twins, the least and the largest of those numbers among them.
 
     Args:
         bs: exponents b in (-0.98, 1].
@@ -66,8 +66,8 @@ def measure_flights(bs: tuple[float, ...], kappas: tuple[float, ...], draws: int
     """
     axes = (Axis("b", bs), Axis("kappa", kappas))
     xi = np.random.default_rng(1).random((draws, 3)).astype(np.float32).astype(np.float64)
-    xi[:2] = [[LIKELIEST_ZERO] * 3, [LIKELIEST_ONE] * 3]
-    xi = np.clip(xi, LIKELIEST_ZERO, LIKELIEST_ONE)
+    xi[:2] = [[LEAST_UNIFORM] * 3, [LARGEST_UNIFORM] * 3]
+    xi = np.clip(xi, LEAST_UNIFORM, LARGEST_UNIFORM)
     b, kappa = (grid[..., None] for grid in _in_float32(axes))
     found = probes.sample_law(b, kappa, np.broadcast_to(xi, (len(bs), len(kappas), draws, 3)), device)
     with np.errstate(all="ignore"):

@@ -119,7 +119,7 @@ def test_a_render_that_is_not_finite_fails_its_cell(monkeypatch):
 
 
 def test_light_that_is_lost_is_found(monkeypatch):
-    """One path in a thousand that is cut and not counted."""
+    """A thousandth of all."""
     experiment = furnace.Experiment(
         "one", "", (Axis("transport", ("renewal",)), Axis("H", (-0.25,))), (), {"kappa": 1.0}
     )
@@ -131,6 +131,25 @@ def test_light_that_is_lost_is_found(monkeypatch):
 
     monkeypatch.setattr(furnace, "develop", dimmed)
     assert furnace.run_experiment(experiment, "cpu").measurements[furnace.BALANCE].outside.all()
+
+
+@pytest.mark.parametrize("has_roulette", [False, True])
+def test_only_noise_gets_a_second_look(monkeypatch, has_roulette):
+    """A tenth of the light is lost in the first render alone."""
+    axes = (Axis("transport", ("renewal",)), Axis("H", (-0.25,)))
+    experiment = furnace.Experiment("one", "", axes, (), {"kappa": 1.0, "albedo": 0.5}, has_roulette=has_roulette)
+    develop, renders = furnace.develop, []
+
+    def dimmed(model, state, image):
+        result = develop(model, state, image)
+        renders.append(result.samples)
+        return replace(result, radiance=result.radiance * np.float32(0.9 if len(renders) == 1 else 1.0))
+
+    monkeypatch.setattr(furnace, "develop", dimmed)
+    found = furnace.run_experiment(experiment, "cpu")
+    assert found.measurements[furnace.BALANCE].outside.all() != has_roulette
+    assert found.looked_again == has_roulette
+    assert renders == ([furnace.NOISY_SPP, furnace.SECOND_LOOK * furnace.NOISY_SPP] if has_roulette else [8])
 
 
 def test_planes():
