@@ -221,6 +221,7 @@ def build_program(features: RenderFeatures) -> Program:
     meets_emitters = has_surfaces or features.connections
     # One medium of one law is the same for all lanes; anything else is looked up lane by lane.
     lone_law, lone_solid, has_crossings = features.lone_law, bool(features.lone_solid), features.crossings
+    looks_up_flights = lone_law == "exact_fbm"
     freezes_at_birth = features.frozen and lone_law != ""
     lone_kind = SOLID_KINDS.get(features.lone_solid, 0)
     is_lattice = features.sampler == "lattice"
@@ -282,15 +283,30 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func(inline=True)
-    def fly_in_lone_medium(before: Path, medium: Medium, tables: wp.array(dtype=wp.vec3), seed: wp.uint64) -> Path:
+    def begin_exact_flight(before: Path, medium: Medium) -> Path:
+        """Of a variance of finite segments: `flight` is ln u, here with the asymptotic variance."""
+        path = before
+        remembers = before.from_medium == 1 and medium.law.reciprocal == 1
+        path.flight = fbm.ln_asymptotic_flight(medium.law, -log_positive(before.xi[0]), remembers)
+        return path
+
+    @wp.func(inline=True)
+    def look_up_exact_flight(before: Path, medium: Medium, tables: wp.array(dtype=wp.vec3)) -> Path:
+        path = before
+        remembers = before.from_medium == 1 and medium.law.reciprocal == 1
+        path.flight = fbm.look_up_flight(medium.law, tables, before.flight, remembers)
+        return path
+
+    @wp.func(inline=True)
+    def fly_in_lone_medium(before: Path, medium: Medium, seed: wp.uint64) -> Path:
         path = before
         remembers = before.from_medium == 1 and medium.law.reciprocal == 1
         exponent = -log_positive(before.xi[0])
         u = exponent / medium.law.rate
         if wp.static(lone_law == "power"):
             u = fly_power(medium.law, exponent, remembers)
-        if wp.static(lone_law == "exact_fbm"):
-            u = fbm.sample_flight(medium.law, tables, before.xi[0], remembers)
+        if wp.static(looks_up_flights):
+            u = flight_of_ln(before.flight)
         if wp.static(lone_law == "fractional"):
             ln_u = ln_flight(medium.law, exponent)
             more = draw_more(seed, before.pixel, before.turn, before.bounce, EVENT)
@@ -993,7 +1009,9 @@ def build_program(features: RenderFeatures) -> Program:
                     if wp.static(lone_law == ""):
                         path = fly_anywhere(scene, path, seed)
                     else:
-                        path = fly_in_lone_medium(path, lone, scene.tables, seed)
+                        if wp.static(looks_up_flights):
+                            path = look_up_exact_flight(begin_exact_flight(path, lone), lone, scene.tables)
+                        path = fly_in_lone_medium(path, lone, seed)
                 path = look(scene, path)
                 if wp.static(needs_meeting):
                     path = meet(scene, path)
@@ -1087,11 +1105,23 @@ def build_program(features: RenderFeatures) -> Program:
             for i in range(LANES):
                 path = load(lanes, i)
                 path = depart(path, seed)
-                if wp.static(lone_law != ""):
-                    path = fly_in_lone_medium(path, lone, scene.tables, seed)
-                if wp.static(opens_eyes_at_once):
+                if wp.static(looks_up_flights):
+                    path = begin_exact_flight(path, lone)
+                elif wp.static(lone_law != ""):
+                    path = fly_in_lone_medium(path, lone, seed)
+                if wp.static(opens_eyes_at_once and not looks_up_flights):
                     path = open_eyes(path)
                 store(lanes, i, path)
+            if wp.static(looks_up_flights):
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    store(lanes, i, look_up_exact_flight(path, lone, scene.tables))
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    path = fly_in_lone_medium(path, lone, seed)
+                    if wp.static(opens_eyes_at_once):
+                        path = open_eyes(path)
+                    store(lanes, i, path)
             if wp.static(features.media and lone_law == ""):
                 for i in range(LANES):
                     path = load(lanes, i)

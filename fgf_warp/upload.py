@@ -152,7 +152,7 @@ class LawTables:
         self._known: dict[Hashable, Any] = {}
 
     def add(self, key: Hashable, *columns: np.ndarray) -> Any:
-        """A table of up to three columns, whose first rises; of equal keys there is one."""
+        """A table of up to three columns; of equal keys there is one."""
         if key not in self._known:
             table = tables.Table()
             table.first, table.count = self._count, len(columns[0])
@@ -194,10 +194,17 @@ def build_device_law(line: LineLaw, reciprocal: bool, rows: LawTables | None = N
     exact = line.exact_fbm
     if exact is not None and rows is not None:
         result.two_hurst, result.outer_depth = 2 * exact.hurst, exact.outer_depth
-        for from_medium, name in ((False, "flights"), (True, "flights_from_medium")):
-            flights = tabulate_flights(exact, longest_depth, from_medium=from_medium)
-            columns = flights.ln_exponent, flights.ln_flight, flights.slope
-            setattr(result, name, rows.add((exact, longest_depth, name), *columns))
+        result.flights = _flights(exact, longest_depth, rows, from_medium=False)
+        result.flights_from_medium = _flights(exact, longest_depth, rows, from_medium=True)
+    return result
+
+
+def _flights(line: fbm.ExactFbm, farthest: float, rows: LawTables, *, from_medium: bool) -> Any:
+    flights = tabulate_flights(line, farthest, from_medium=from_medium)
+    result = tables.Flights()
+    result.table = rows.add((line, farthest, from_medium), flights.ln_flight, flights.slope)
+    result.start, result.step = flights.start, flights.step
+    result.largest_exponent = flights.largest_exponent
     return result
 
 

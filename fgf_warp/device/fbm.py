@@ -6,9 +6,8 @@ Of the law, kappa is that of the asymptotic variance, and b is 1. Error bounds a
 
 import warp as wp
 
-from fgf_warp.device.law import ESCAPED, TINY_U, Law, flight_of_ln, log1p_ratio, log1p_ratio_slope
+from fgf_warp.device.law import LN_LARGEST, TINY_U, Law, flight_of_ln, log1p_ratio, log1p_ratio_slope
 from fgf_warp.device.numerics import exp_bounded, exp_or_zero, expm1_ratio, log_positive
-from fgf_warp.device.tables import Table, find_row
 
 
 @wp.func(inline=True)
@@ -74,25 +73,35 @@ def flight_density(law: Law, u: float, from_medium: bool) -> float:
 @wp.func(inline=True)
 def sample_flight(law: Law, tables: wp.array(dtype=wp.vec3), xi: float, from_medium: bool) -> float:
     """u distributed as Tmm from a medium vertex, else as Tsm; relative error below 1e-3, and mostly 1e-5."""
-    table = law.flights
-    if from_medium and law.reciprocal == 1:
-        table = law.flights_from_medium
-    return look_up_flight(tables, table, log_positive(-log_positive(xi)))
+    remembers = from_medium and law.reciprocal == 1
+    ln_u = ln_asymptotic_flight(law, -log_positive(xi), remembers)
+    return flight_of_ln(look_up_flight(law, tables, ln_u, remembers))
 
 
 @wp.func(inline=True)
-def look_up_flight(tables: wp.array(dtype=wp.vec3), table: Table, ln_exponent: float) -> float:
-    """u of ln E: a cubic between rows (ln E, ln u, slope), before the first in proportion, beyond the last escaped."""
-    above = find_row(tables, table, ln_exponent)
-    if above == table.count:
-        return ESCAPED
-    high = tables[table.first + above]
-    if above == 0:
-        return flight_of_ln(high[1] + ln_exponent - high[0])
-    low = tables[table.first + above - 1]
-    width = high[0] - low[0]
-    t = (ln_exponent - low[0]) / width
-    # Hermite's cubic, about the straight line between the rows.
-    rise = high[1] - low[1]
-    bend = t * (1.0 - t) * ((1.0 - t) * (width * low[2] - rise) - t * (width * high[2] - rise))
-    return flight_of_ln(low[1] + t * rise + bend)
+def ln_asymptotic_flight(law: Law, exponent: float, remembers: bool) -> float:
+    """ln u of E with the asymptotic variance, and LN_LARGEST where E is beyond the exact flights."""
+    largest = wp.where(remembers, law.flights_from_medium.largest_exponent, law.flights.largest_exponent)
+    shortened = wp.where(remembers, exponent / (1.0 + law.kappa), exponent)
+    ln_u = log_positive(wp.max(shortened, TINY_U)) + log_positive(expm1_ratio(law.kappa * shortened))
+    return wp.where(exponent > largest, LN_LARGEST, ln_u)
+
+
+@wp.func(inline=True)
+def look_up_flight(law: Law, tables: wp.array(dtype=wp.vec3), ln_asymptotic: float, remembers: bool) -> float:
+    """ln u of the exact flight."""
+    if ln_asymptotic == LN_LARGEST:
+        return LN_LARGEST
+    flights = law.flights
+    if remembers:
+        flights = law.flights_from_medium
+    place = wp.max((ln_asymptotic - flights.start) / flights.step, 0.0)
+    row = wp.min(int(place), flights.table.count - 2)
+    low = tables[flights.table.first + row]
+    high = tables[flights.table.first + row + 1]
+    # Hermite's cubic, about the straight line between the rows (ln u, slope).
+    t = place - float(row)
+    rise = high[0] - low[0]
+    bend = (1.0 - t) * (flights.step * low[1] - rise) - t * (flights.step * high[1] - rise)
+    before = wp.min(ln_asymptotic - flights.start, 0.0)
+    return low[0] + t * rise + t * (1.0 - t) * bend + before

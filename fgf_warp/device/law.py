@@ -7,7 +7,7 @@ against 50-digit values over kappa and u from 1e-8 to 1e8.
 import warp as wp
 
 from fgf_warp.device.numerics import exp_bounded, exp_or_zero, expm1_ratio, log_positive
-from fgf_warp.device.tables import Table
+from fgf_warp.device.tables import Flights, Table
 
 EXPONENTIAL = wp.constant(0)
 """b = 0 or kappa = 0: exp(-rate u)."""
@@ -57,9 +57,9 @@ class Law:
     """2H."""
     outer_depth: float
     """sigma_m L."""
-    flights: Table
-    flights_from_medium: Table
-    """Of `theory.fbm.tabulate_flights`; these are used by the exact fBm."""
+    flights: Flights
+    flights_from_medium: Flights
+    """These are used by the exact fBm."""
 
 
 @wp.func(inline=True)

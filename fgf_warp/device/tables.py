@@ -5,15 +5,25 @@ import warp as wp
 
 @wp.struct
 class Table:
-    """Rows, one after the other, that rise in their first number."""
+    """Rows, one after the other."""
 
     first: int
     count: int
 
 
+@wp.struct
+class Flights:
+    """Of `theory.fbm.FlightTable`: rows (ln u, slope)."""
+
+    table: Table
+    start: float
+    step: float
+    largest_exponent: float
+
+
 @wp.func(inline=True)
 def find_row(tables: wp.array(dtype=wp.vec3), table: Table, x: float) -> int:
-    """How many rows of the table begin with a number below x."""
+    """How many rows of a table, which rise in their first number, begin with one below x."""
     low = int(0)
     high = int(table.count)
     while low < high:

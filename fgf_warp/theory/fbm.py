@@ -15,18 +15,27 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fgf_warp.theory.kernels import KernelValues, compose_kernels, log1p_ratio, log1p_ratio_slope
+from fgf_warp.theory.kernels import (
+    KernelValues,
+    compose_kernels,
+    log1p_ratio,
+    log1p_ratio_slope,
+    log_expm1_ratio,
+)
 
 SEARCHED = np.geomspace(1e-3, 1e4, 2801)
 """t/L at which `falls_until` looks for the end: R is 1 below, and no scene's extent is above."""
-STILL_FALLS = 0.2
+STILL_FALLS = 0.3
 """f' over that of the asymptotic variance, 1/(1+y), below which Tr counts as no longer falling."""
 SHORTEST_FLIGHT = 1e-9
 """Over what a flight is without correlation, kappa = 0 or a medium vertex; float32 numbers give E >= 6e-8."""
 LARGEST_EXPONENT = 23.0
 """Of E = -ln xi of float32 numbers."""
-NODES_PER_UNIT = 16
-"""Of ln u."""
+NODES_PER_UNIT = 32
+"""Of the table of flights."""
+BISECTIONS = 60
+LARGEST_SHIFT = 40.0
+"""Of ln u, between the exact and the asymptotic variance."""
 
 
 @dataclass(frozen=True)
@@ -46,17 +55,21 @@ class ExactFbm:
 
 @dataclass(frozen=True, eq=False)
 class FlightTable:
-    """Flights at even steps of ln u: between nodes a cubic in ln E, E = -ln xi; beyond the last the flight escapes.
+    """ln u of a flight at even steps of z, the ln u that it has with the asymptotic variance; cubic between them.
 
     Args:
-        ln_exponent: (n,) float64, rising.
-        ln_flight: (n,) float64, ln u.
-        slope: (n,) float64, d ln u / d ln E.
+        start: z of the first node; before it, u is in proportion to exp(z).
+        step: in z.
+        ln_flight: (n,) float64.
+        slope: (n,) float64, d ln u / dz.
+        largest_exponent: of E = -ln xi; beyond it the flight escapes.
     """
 
-    ln_exponent: np.ndarray
+    start: float
+    step: float
     ln_flight: np.ndarray
     slope: np.ndarray
+    largest_exponent: float
 
 
 def variance_ratio(hurst: float, tau: ArrayLike) -> np.ndarray:
@@ -94,7 +107,7 @@ def eval_kernels(line: ExactFbm, u: ArrayLike) -> KernelValues:
 
 
 def falls_until(line: ExactFbm) -> float:
-    """The u up to which Tr falls, by more than a fifth of what the asymptotic variance makes it fall; inf for always.
+    """The u up to which Tr falls, by over three tenths of what the asymptotic variance makes it fall; inf for always.
 
     Tr is convex that far too, so that Tmm is a density: -Tr' vanishes before its slope changes sign.
     """
@@ -106,13 +119,28 @@ def falls_until(line: ExactFbm) -> float:
 
 def tabulate_flights(line: ExactFbm, farthest: float, *, from_medium: bool) -> FlightTable:
     """Flights up to u = `farthest`, at which Tr must still fall: as Tmm from a medium vertex, else as Tsm."""
-    start = np.log(min(SHORTEST_FLIGHT / (1 + line.kappa), farthest / 2))
-    u = np.exp(np.linspace(start, np.log(farthest), int((np.log(farthest) - start) * NODES_PER_UNIT) + 2))
-    f, d1, d2 = _derivatives(line, u)
-    # E is -ln Tr, or -ln Tms = -ln(Tr f').
-    exponent, growth = (f - np.log(d1), d1 - d2 / d1) if from_medium else (f, d1)
-    needed = np.append(True, exponent[:-1] < LARGEST_EXPONENT)
-    return FlightTable(np.log(exponent[needed]), np.log(u[needed]), (exponent / (u * growth))[needed])
+
+    def exponent(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """E and its slope in u: of Tr, or of Tms = Tr f'."""
+        f, d1, d2 = _derivatives(line, u)
+        return (f - np.log(d1), d1 - d2 / d1) if from_medium else (f, d1)
+
+    # With the asymptotic variance, E is this times log1p(kappa u) / kappa.
+    shortening = 1 + line.kappa if from_medium else 1.0
+    largest = min(float(exponent(np.array(farthest))[0]), LARGEST_EXPONENT)
+    start = np.log(SHORTEST_FLIGHT / shortening)
+    stop = np.log(largest / shortening) + log_expm1_ratio(np.array(line.kappa * largest / shortening))[0]
+    nodes, step = np.linspace(start, stop, int((stop - start) * NODES_PER_UNIT) + 2, retstep=True)
+    plain = line.kappa * np.exp(nodes)
+    wanted = shortening * np.log1p(plain) / line.kappa
+    low, high = nodes - LARGEST_SHIFT, np.minimum(nodes + LARGEST_SHIFT, np.log(farthest))
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        is_short = exponent(np.exp(middle))[0] < wanted
+        low, high = np.where(is_short, middle, low), np.where(is_short, high, middle)
+    u = np.exp((low + high) / 2)
+    slope = shortening * np.exp(nodes) / ((1 + plain) * u * exponent(u)[1])
+    return FlightTable(float(start), float(step), np.log(u), slope, largest)
 
 
 def _derivatives(line: ExactFbm, u: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -172,7 +172,7 @@ def flight_log_ratio(b: ArrayLike, q: ArrayLike) -> tuple[np.ndarray, np.ndarray
     with np.errstate(divide="ignore"):
         x = np.minimum(q, np.where(a > 0, np.log((np.maximum(q, 0.0) + 4.0) / np.maximum(a, 1e-300)), q))
     for _ in range(100):
-        h, growth = _log_expm1_ratio(np.exp(x))
+        h, growth = log_expm1_ratio(np.exp(x))
         step = (x + a * h - q) / (1 + a * growth)
         x = x - step
         if np.all(np.abs(step) <= 4e-16 * np.maximum(1.0, np.abs(x))):
@@ -180,7 +180,7 @@ def flight_log_ratio(b: ArrayLike, q: ArrayLike) -> tuple[np.ndarray, np.ndarray
     else:
         if np.any(np.abs(step) > 1e-14 * np.maximum(1.0, np.abs(x))):
             raise ArithmeticError("the inversion of the line law did not converge")
-    h, growth = _log_expm1_ratio(np.exp(x))
+    h, growth = log_expm1_ratio(np.exp(x))
     return h, growth / (1 + a * growth)
 
 
@@ -192,7 +192,7 @@ def fit_flight(b: float) -> FlightFit:
     """
     a = 1 - b
     bend = min(7.0, 12 * a)
-    largest_h = _log_expm1_ratio(np.array(FIT_LARGEST_S))[0]
+    largest_h = log_expm1_ratio(np.array(FIT_LARGEST_S))[0]
     largest_l = np.logaddexp(0, np.log(a / 2) + min(np.log(FIT_LARGEST_S) + a * largest_h, FIT_LARGEST_Q))
     scale = float(2 * (largest_l + bend) / largest_l)
     t = chebyshev.chebpts1(FIT_NODES)
@@ -226,7 +226,7 @@ def _y(b: ArrayLike, kappa: ArrayLike, u: ArrayLike) -> np.ndarray:
         return np.asarray(kappa, dtype=np.float64) * np.asarray(u, dtype=np.float64) ** np.asarray(b)
 
 
-def _log_expm1_ratio(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def log_expm1_ratio(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """h = ln(expm1(s)/s), and dh/d(ln s) = s / (1 - exp(-s)) - 1; by series below s = 0.02."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         large_h = s + np.log(-np.expm1(-s) / s)
