@@ -164,6 +164,13 @@ def test_domain(changes, message):
         build_line_law(**parameters)
 
 
+@pytest.mark.parametrize("hurst", [-0.01, 0.01, 0.99, 1.01, 1.99, 2.01, 2.99, 3.01])
+def test_the_ends_of_the_domain_belong_to_it(hurst):
+    law = build_line_law(hurst=hurst, white_noise_scale=0.1, mean_extinction=1.0, outer_scale=2.0)
+    assert law.kappa > 0
+    build_line_law(hurst=-0.5, white_noise_scale=100.0, mean_extinction=1e-6)
+
+
 def test_no_noise_is_the_exponential_exactly():
     law = build_line_law(hurst=-0.25, white_noise_scale=0.0, mean_extinction=0.0)
     assert (law.regime, law.kappa, law.is_exponential) == ("exponential", 0.0, True)
