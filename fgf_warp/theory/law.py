@@ -39,7 +39,7 @@ HURST_MIN = -0.98
 HURST_GUARD = 0.01
 """Accepted H keeps this distance from every integer >= 0, where v(t) diverges."""
 ROUNDING = 1e-12
-"""Relative, of a bound that is met: 2.01 - 2 is not quite 0.01, nor is a kappa that follows from others exact."""
+"""Relative, of the guard: 2.01 - 2 is not quite 0.01."""
 KAPPA_MAX = 1e8
 """Above it float32 transport is not tested."""
 CLUSTER_B = 0.02
@@ -202,7 +202,7 @@ def build_line_law(
         origin = f" (from S_w = {white_noise_scale:g}, sigma_m = {mean_extinction:g}, H = {hurst:g})"
     else:
         origin = ""
-    _check(f"kappa{origin}", kappa, f"in [0, {KAPPA_MAX:g}]", 0 <= kappa <= KAPPA_MAX * (1 + ROUNDING))
+    _check(f"kappa{origin}", kappa, f"in [0, {KAPPA_MAX:g}]", 0 <= kappa <= KAPPA_MAX)
     return LineLaw(
         regime=classify_regime(hurst) if kappa > 0 else "exponential",
         b=min(1.0 + 2.0 * hurst, 1.0),

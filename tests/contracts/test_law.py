@@ -168,7 +168,6 @@ def test_domain(changes, message):
 def test_the_ends_of_the_domain_belong_to_it(hurst):
     law = build_line_law(hurst=hurst, white_noise_scale=0.1, mean_extinction=1.0, outer_scale=2.0)
     assert law.kappa > 0
-    build_line_law(hurst=-0.5, white_noise_scale=100.0, mean_extinction=1e-6)
 
 
 def test_no_noise_is_the_exponential_exactly():
