@@ -7,8 +7,9 @@ BIN := .venv/bin
 dataset: install
 	$(BIN)/fgf generate configs/quickstart.yaml
 
+# Files of tests in parallel: most of the time goes into compiling kernels, each on one core.
 test: lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 test-slow: install
 	$(BIN)/python -m pytest -m 'slow or measure'

@@ -39,8 +39,8 @@ class RenderFeatures:
         distant_lights: distant lights, with an extent or without.
         environment: a dome. Being uniform it is met by scattered rays and not connected to.
         media: shapes filled with a medium.
-        lone_law: the law, ``exponential``, ``power`` or ``fractional``, of the only medium, where one shape is filled
-            with a medium and the channels do not differ; otherwise empty, and laws are looked up.
+        lone_law: the law, ``exponential``, ``power``, ``fractional`` or ``exact_fbm``, of the only medium, where one
+            shape is filled with a medium and the channels do not differ; otherwise empty, and laws are looked up.
         lone_solid: what that one shape is, ``sphere``, ``cube`` or ``cylinder``: a ray is in it between two distances,
             and crosses no boundaries one by one; otherwise empty.
         chromatic: a medium whose channels differ in extinction.

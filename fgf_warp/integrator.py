@@ -346,7 +346,8 @@ def build_program(features: RenderFeatures) -> Program:
             if wp.static(features.frozen):
                 path.rates = draw_rates(scene, path, medium, seed)
             u = fly_by_law(scene, path, law_of_channel(medium, path.channel), seed)
-            path.flight = path.segment + wp.min(u / medium.extinction[path.channel], 0.5 * INFINITE)
+            path.length = wp.min(u / medium.extinction[path.channel], 0.5 * INFINITE)
+            path.flight = path.segment + path.length
         return path
 
     # ---- look: what lies ahead, as far as it flies?
@@ -519,8 +520,7 @@ def build_program(features: RenderFeatures) -> Program:
                 if wp.static(features.chromatic):
                     densities = wp.vec3(1.0)
                     if scatters:
-                        t = before.flight - before.segment
-                        densities = channel_densities(medium, t, before.from_medium == 1, before.rates)
+                        densities = channel_densities(medium, before.length, before.from_medium == 1, before.rates)
                     else:
                         t = before.hit.t - before.segment
                         densities = attenuation(medium, t, before.from_medium == 1, before.rates)

@@ -247,7 +247,8 @@ def render_batch(
     """Renders many images of one scene whose media differ: a sweep.
 
     An image is the same, to the bit on one device, in whatever batch it is rendered. Nothing is compiled for a change
-    of a medium's parameters inside one kind of law (exponential, power, fractional) and one phase function.
+    of a medium's parameters within one kind of law (`theory.law.LawKind`), of paths (frozen or not) and of phase
+    function.
 
     Args:
         scene: whose media the variants replace.
@@ -452,10 +453,11 @@ def _provenance(model: Model, image: int, samples: int) -> dict[str, Any]:
                 "b": m.line_law.b,
                 "kappa": m.line_law.kappa,
                 "transport": m.resolved_transport,
+                "frozen_share": scene.frozen_share(index, m),
                 "line_variance": m.line_variance,
                 "priority": m.priority,
             }
-            for m in variant.media
+            for index, m in enumerate(variant.media)
         ],
         "settings": {
             key: value

@@ -40,6 +40,9 @@ BLACK: Rgb = (0.0, 0.0, 0.0)
 
 FLOAT32_MAX = float(np.finfo(np.float32).max)
 """What is larger is not finite on the device."""
+RESOLVED_DEPTH = 1e5
+"""sigma_m times the largest coordinate: above it float32, which rounds by 6e-8, moves events by a hundredth of a mean
+free path."""
 CHANNEL_NAMES = ("red", "green", "blue")
 CUBE_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
@@ -214,8 +217,8 @@ class Medium:
             reach = line.longest_segment()
             if longest > reach:
                 raise SceneError(
-                    f"{where}: the transmittance falls up to t = {reach:.4g} only, and segments are up to "
-                    f"{longest:.4g} long; accepted: a larger L, or line_variance = 'asymptotic'"
+                    f"{where}: the law holds up to t = {reach:.4g}, and segments are up to {longest:.4g} long; "
+                    f"accepted: at most {reach:.4g}, which grows with L, or line_variance = 'asymptotic'"
                 )
             if self.transport == "mixed":
                 error = mix_exact_rates(exact, line.mean_extinction * longest).error
@@ -493,15 +496,34 @@ class Scene:
         asked = f"no medium {name!r}" if name else "the medium must be named"
         raise SceneError(f"{self.source or 'scene'}: {asked}; it has: {', '.join(names) or 'none'}")
 
+    def medium_warnings(self, index: int, medium: Medium) -> list[str]:
+        """What a user should know of a medium in the place of number `index`, one sentence each."""
+        bounds = self._medium_bounds(index)
+        extent = self.medium_extent(index)
+        found = medium.line_law.warnings([] if extent is None else [extent])
+        if bounds:
+            corners = np.array(bounds).reshape(-1, 3)
+            reach = float(max(np.abs(corners).max(), np.linalg.norm(corners - self.camera.position, axis=1).max()))
+            mean_extinction = max(line.mean_extinction for line in medium.channel_laws)
+            if mean_extinction * reach > RESOLVED_DEPTH:
+                found.append(
+                    f"sigma_m = {mean_extinction:g} with coordinates up to {reach:.3g}: float32 rounds positions by more "
+                    "than a hundredth of a mean free path, and the picture of it is off by as much"
+                )
+        return found
+
     def medium_extent(self, index: int) -> float | None:
         """The longest side of the bounding boxes of the shapes that a medium fills [stage unit]; None of none."""
         extents = (high - low for low, high in self._medium_bounds(index))
         return max((float(extent.max()) for extent in extents), default=None)
 
-    def medium_thickness(self, index: int) -> float | None:
-        """The shortest side of the bounding box of what a medium fills, of several shapes the largest; None of none."""
-        extents = (high - low for low, high in self._medium_bounds(index))
-        return max((float(extent.min()) for extent in extents), default=None)
+    def frozen_share(self, index: int, medium: Medium) -> float:
+        """The share of paths for which a medium in the place of number `index` is frozen; 0 where it fills nothing.
+
+        Its thickness is the least width of what it fills, of several shapes the largest.
+        """
+        widths = [shape_widths(shape)[0] for shape in self.shapes if shape.medium == index]
+        return medium.line_law.frozen_share(max(widths)) if widths and medium.freezes_paths else 0.0
 
     def longest_segment(self, index: int) -> float | None:
         """A length that no segment in a medium exceeds [stage unit]; None where it fills nothing."""
@@ -509,7 +531,7 @@ class Scene:
         if not bounds:
             return None
         lows, highs = zip(*bounds, strict=True)
-        one_after_the_other = sum(float(np.linalg.norm(high - low)) for low, high in bounds)
+        one_after_the_other = sum(shape_widths(shape)[1] for shape in self.shapes if shape.medium == index)
         return min(one_after_the_other, float(np.linalg.norm(np.max(highs, axis=0) - np.min(lows, axis=0))))
 
     def _medium_bounds(self, index: int) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -522,6 +544,17 @@ class Scene:
     def with_media(self, media: tuple[Medium, ...]) -> Scene:
         """The same scene with other media in the place of its own."""
         return replace(self, media=media)
+
+
+def shape_widths(shape: Shape) -> tuple[float, float]:
+    """The least width of a shape, and a length that no segment in it exceeds; of a mesh those of its bounding box."""
+    if isinstance(shape, Mesh):
+        low, high = shape_bounds(shape)
+        return float((high - low).min()), float(np.linalg.norm(high - low))
+    matrix = shape.object_to_world[:3, :3]
+    stretches = np.linalg.svd(matrix, compute_uv=False)
+    longest = stretches.max() if shape.kind == "sphere" else np.linalg.norm(CUBE_CORNERS @ matrix.T, axis=1).max()
+    return 2 * float(stretches.min()), 2 * float(longest)
 
 
 def shape_bounds(shape: Shape) -> tuple[np.ndarray, np.ndarray]:

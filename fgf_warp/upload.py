@@ -223,12 +223,14 @@ def build_device_meshes(shapes: Sequence[Shape], containers: Sequence[Shape], de
 
 def _medium(item: Medium, index: int, scene: Scene, rows: LawTables) -> Any:
     reciprocal = item.resolved_transport != "renewal"
-    longest = (scene.longest_segment(index) or 0.0) if item.line_variance == "exact" else 0.0
+    # Of what fills nothing no flight is looked up and no path frozen.
+    needs_tables = item.line_variance == "exact" or item.freezes_paths
+    longest = scene.longest_segment(index) if needs_tables else None
     channels = []
     for line in item.channel_laws:
-        longest_depth = line.mean_extinction * longest
-        channels.append(build_device_law(line, reciprocal, rows, longest_depth))
-        if item.freezes_paths:
+        longest_depth = line.mean_extinction * (longest or 0.0)
+        channels.append(build_device_law(line, reciprocal, rows if longest else None, longest_depth))
+        if item.freezes_paths and longest:
             mixture = _mixture(line, longest_depth)
             channels[-1].rates = rows.add((line, longest_depth, "rates"), np.cumsum(mixture.weights), mixture.rates)
     result = medium.Medium()
@@ -237,9 +239,7 @@ def _medium(item: Medium, index: int, scene: Scene, rows: LawTables) -> Any:
     result.albedo = wp.vec3(*item.albedo)
     result.phase = _phase(item)
     result.law, result.law_green, result.law_blue = channels
-    thickness = scene.medium_thickness(index)
-    if item.freezes_paths and thickness is not None:
-        result.frozen_share = item.line_law.frozen_share(thickness)
+    result.frozen_share = scene.frozen_share(index, item)
     return result
 
 

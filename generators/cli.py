@@ -326,7 +326,7 @@ def law(
     if as_json:
         typer.echo(json.dumps(found, indent=1, allow_nan=False))
         return
-    no_mean = "infinite" if line_variance == "asymptotic" else "none"
+    no_mean = "infinite" if found["law_ends_at"] is None else "none"
     mean_free_path = no_mean if found["mean_free_path"] is None else f"{found['mean_free_path']:.6g}"
     typer.echo(f"regime          {REGIME_NAMES[found['regime']]}")
     typer.echo(f"b               {found['b']:.6g}")
@@ -340,9 +340,10 @@ def law(
 
 @app.command()
 def figures(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the page and its pictures.")] = Path(
-        "figures"
-    ),
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder of page and pictures; default: figures, or figures-NAME."),
+    ] = None,
     preset: Annotated[str, typer.Option(help=f"{', '.join(PRESETS)}: size and noise of the pictures.")] = "balanced",
     only: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Only this figure, repeatable; default: all.")
@@ -361,13 +362,16 @@ def figures(
     _start_warp(device)
     from generators.figures.gallery import write_figures  # noqa: PLC0415
 
+    # The page of some figures does not take the place of that of all.
+    folder = out or Path("-".join(["figures", *(only or ())]))
+
     with _progress(counted=True) as progress:
         task = progress.add_task("reading the scene", total=None)
 
         def show(name: str, done: float, total: int) -> None:
             progress.update(task, description=name, completed=done, total=total)
 
-        gallery = write_figures(out, preset=preset, device=device, only=only or (), progress=show)
+        gallery = write_figures(folder, preset=preset, device=device, only=only or (), progress=show)
     for file in gallery.files:
         typer.echo(f"wrote {file}")
     for verdict in gallery.verdicts:
@@ -378,7 +382,10 @@ def figures(
 
 @app.command()
 def stability(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the report.")] = Path("stability"),
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder of the report; default: stability, or stability-quick."),
+    ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Few of the extremes, in less than half a minute.")] = False,
     device: Device = "cpu",
 ) -> None:
@@ -395,7 +402,8 @@ def stability(
     from generators.stability import run  # noqa: PLC0415
     from generators.stability.extremes import FULL, QUICK  # noqa: PLC0415
 
-    run.make_folder(out)
+    folder = out or Path("stability-quick" if quick else "stability")
+    run.make_folder(folder)
     with _progress(counted=True) as progress:
         task = progress.add_task("", total=None)
 
@@ -404,7 +412,8 @@ def stability(
 
         outcome = run.measure(QUICK if quick else FULL, device, show)
         progress.update(task, description="drawing", completed=0, total=1)
-        report = run.write(outcome, out, f"fgf stability --device {device}{' --quick' if quick else ''}")
+        report = run.write(outcome, folder, f"fgf stability --device {device}{' --quick' if quick else ''}")
+        progress.update(task, description="done", completed=1)
     typer.echo(run.conclude(outcome))
     typer.echo(f"report  {report}")
     if outcome.outside_count:
@@ -480,12 +489,10 @@ def _plan(path: Path, overrides: list[str] | None, device: str) -> tuple[LoadedC
 
 
 def _sample_warnings(made: Plan) -> list[str]:
-    """Of the laws of the samples: each once, and no more of them than one reads."""
-    extent = made.scene.medium_extent(made.medium_index)
-    lengths = [] if extent is None else [extent]
+    """Of the media of the samples: each once, and no more of them than one reads."""
     first: dict[str, int] = {}
     for sample in made.samples:
-        for warning in sample.medium.line_law.warnings(lengths):
+        for warning in made.scene.medium_warnings(made.medium_index, sample.medium):
             first.setdefault(warning, sample.index)
     shown = [f"sample {index}: {warning}" for warning, index in first.items()]
     if len(shown) > WARNINGS_SHOWN:
@@ -606,12 +613,17 @@ def _print_scene(scene: Scene, width: int, height: int) -> None:
 
 def _describe(medium: Medium) -> str:
     from fgf_warp.theory.law import REGIME_NAMES  # noqa: PLC0415
+    from generators.manifest import PHASE_COLUMNS  # noqa: PLC0415
 
     rule = medium.line_law
+    parameters = [f"{name} = {value:g}" for name in PHASE_COLUMNS if (value := getattr(medium, name))]
     return (
         f"H = {medium.hurst:g}, g = {medium.asymmetry:g}, S_w = {medium.white_noise_scale:g}, "
         f"sigma_m = {rule.mean_extinction:g}; {REGIME_NAMES[rule.regime]}, b = {rule.b:.4g}, kappa = {rule.kappa:.4g}, "
         f"{medium.resolved_transport} transport, {medium.phase_function} phase function"
+        + (f" ({', '.join(parameters)})" if parameters else "")
+        + (f", L = {medium.outer_scale:g}" if medium.outer_scale is not None else "")
+        + (", exact line variance" if rule.exact_fbm else "")
     )
 
 

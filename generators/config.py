@@ -141,6 +141,7 @@ class SweepConfig(_Model):
         png: whether to write a PNG beside each EXR.
         exposure: of the PNGs and the contact sheet [stop], in [-32, 32].
         transport: in place of the one that the medium asks for.
+        line_variance: likewise.
         axes: what to sweep; the last axis varies fastest.
         draws: samples per cell of the grid, >= 1.
         output: folder of the dataset; ``datasets/NAME`` where absent.
@@ -159,6 +160,7 @@ class SweepConfig(_Model):
     png: bool = True
     exposure: Annotated[float, Field(ge=-EXPOSURE_MAX, le=EXPOSURE_MAX)] = 0.0
     transport: Literal["reciprocal", "renewal", "mixed"] | None = None
+    line_variance: Literal["asymptotic", "exact"] | None = None
     axes: dict[AxisParameter, AxisConfig] = {}
     draws: Count = 1
     output: str | None = None

@@ -39,7 +39,8 @@ def evaluate_law(
 
     Returns:
         JSON-ready, with the keys regime, b, kappa, mean_free_path [length] (None where infinite, or where the law ends
-        before), t, transmittance, free_flight_pdf [1/length] and warnings.
+        before), law_ends_at [length] (None where it does not end), t, transmittance, free_flight_pdf [1/length] and
+        warnings.
 
     Raises:
         ConfigError: naming the parameter, its value and the accepted range.
@@ -63,9 +64,7 @@ def evaluate_law(
         raise ConfigError(f"t = {', '.join(f'{value:g}' for value in t)}; accepted: finite numbers >= 0")
     u = mean_extinction * t
     if (t > reach).any():
-        raise ConfigError(
-            f"t = {t.max():g}; accepted with the exact variance: at most {reach:.6g}, where Tr stops falling"
-        )
+        raise ConfigError(f"t = {t.max():g}; accepted with the exact variance: at most {reach:.6g}, where the law ends")
     # At u = 0 the formulas need kappa u^b, which for b < 0 has no value; the limits are known.
     inside = law.eval_kernels(np.where(u > 0, u, 1.0))
     transmittance = np.where(u > 0, inside.transmittance_ss, 1.0)
@@ -81,6 +80,7 @@ def evaluate_law(
         "b": float(law.b),
         "kappa": float(law.kappa),
         "mean_free_path": mean if mean is not None and math.isfinite(mean) else None,
+        "law_ends_at": reach if math.isfinite(reach) else None,
         "t": t.tolist(),
         "transmittance": transmittance.tolist(),
         "free_flight_pdf": (mean_extinction * density).tolist(),
@@ -98,4 +98,5 @@ def _mean_free_path(law: LineLaw) -> float | None:
 def _default_lengths(mean_extinction: float, reach: float) -> list[float]:
     if mean_extinction == 0:
         raise ConfigError("sigma_m = 0 has no length of its own; say at which t to evaluate the law")
-    return [t for t in (depth / mean_extinction for depth in DEFAULT_DEPTHS) if t <= reach]
+    unit = min(1 / mean_extinction, reach / max(DEFAULT_DEPTHS))
+    return [depth * unit for depth in DEFAULT_DEPTHS]

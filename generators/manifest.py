@@ -12,6 +12,8 @@ import pyarrow.parquet as pq
 from fgf_warp.output.atomic import replacing
 from generators.plan import Plan, Sample
 
+PHASE_COLUMNS = ("back_asymmetry", "back_weight", "draine_alpha")
+"""Fields of `Medium` beside g; 0 where its phase function does not have them."""
 SCHEMA = pa.schema(
     [
         pa.field("index", pa.int64(), nullable=False),
@@ -27,7 +29,9 @@ SCHEMA = pa.schema(
         pa.field("b", pa.float64(), nullable=False),
         pa.field("kappa", pa.float64(), nullable=False),
         pa.field("transport", pa.string(), nullable=False),
+        pa.field("line_variance", pa.string(), nullable=False),
         pa.field("phase_function", pa.string(), nullable=False),
+        *(pa.field(name, pa.float64(), nullable=False) for name in PHASE_COLUMNS),
         pa.field("seed", pa.uint64(), nullable=False),
         pa.field("spp", pa.int64(), nullable=False),
         pa.field("render_seconds", pa.float64(), nullable=False),
@@ -101,7 +105,9 @@ def _row(plan: Plan, record: Record) -> dict[str, object]:
         "b": medium.line_law.b,
         "kappa": medium.line_law.kappa,
         "transport": medium.resolved_transport,
+        "line_variance": medium.line_variance,
         "phase_function": medium.phase_function,
+        **{name: getattr(medium, name) for name in PHASE_COLUMNS},
         "seed": sample.seed,
         "spp": plan.settings.spp,
         "render_seconds": record.render_seconds,

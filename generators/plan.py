@@ -125,7 +125,8 @@ def build_plan(config: SweepConfig, scene: Scene, width: int, height: int, devic
     scene = replace(scene, source=Path(config.scene).name)
     medium_index = scene.medium_index(config.medium)
     base = scene.media[medium_index]
-    others: dict[str, Any] = {} if config.transport is None else {"transport": config.transport}
+    asked = {"transport": config.transport, "line_variance": config.line_variance}
+    others = {name: value for name, value in asked.items() if value is not None}
     _check_axes(config, base)
     settings = config.render_settings(width, height, device)
     grid = tuple(GridAxis(name, axis.grid_values()) for name, axis in config.axes.items() if not axis.is_random)
@@ -139,6 +140,7 @@ def build_plan(config: SweepConfig, scene: Scene, width: int, height: int, devic
         }
         try:
             medium = _with_parameters(base, parameters, **others)
+            # Refused where the medium is too large for its law.
             scene.with_medium(medium_index, medium)
         except SceneError as error:
             raise ConfigError(f"sample {index}: {error}") from error

@@ -1,6 +1,7 @@
 """Set-up of every test: a quiet Warp, and the theory's check values where they are at hand."""
 
 import csv
+import os
 from decimal import Decimal
 from pathlib import Path
 
@@ -9,6 +10,10 @@ import pytest
 import warp as wp
 
 wp.config.log_level = wp.LOG_WARNING
+if worker := os.environ.get("PYTEST_XDIST_WORKER"):
+    # Processes that compile into one folder disturb each other; those that a test starts take its worker's.
+    shared_cache = Path(os.environ.get("WARP_CACHE_PATH", Path.home() / ".cache" / "fgf-warp-tests"))
+    os.environ["WARP_CACHE_PATH"] = str(shared_cache / worker)
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 

@@ -62,6 +62,8 @@ class Path:
     """Per channel, at which the path is frozen in its medium, or NOT_FROZEN; equal unless the scene is chromatic."""
     channel: int
     """Whose law the flights are sampled from, in a chromatic scene."""
+    length: float
+    """Of the flight, from where its segment began: `flight` less `segment` before it is rounded; in a chromatic scene."""
     channel_pdfs: wp.vec3
     """Density of the path's flights under each channel, over that under `channel`."""
     first_depth: float
@@ -130,7 +132,7 @@ def slots(features: Any) -> dict[str, int]:
     if features.connections and not features.crossings:
         sizes |= {"to_light": 3, "light_distance": 1, "light_share": 3}
     if features.chromatic:
-        sizes |= {"channel": 1, "channel_pdfs": 3}
+        sizes |= {"channel": 1, "length": 1, "channel_pdfs": 3}
     if features.frozen:
         sizes |= {"rates": 3 if features.chromatic else 1}
     if features.aovs & FIRST_AOVS:
@@ -336,6 +338,7 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.light_share = get3(lanes, wp.static(at["light_share"]), i)
         if wp.static("channel" in at):
             path.channel = get_int(lanes, wp.static(at["channel"]), i)
+            path.length = get(lanes, wp.static(at["length"]), i)
             path.channel_pdfs = get3(lanes, wp.static(at["channel_pdfs"]), i)
         if wp.static("rates" in at):
             if wp.static(features.chromatic):
@@ -421,6 +424,7 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put3(lanes, wp.static(at["light_share"]), i, path.light_share)
         if wp.static("channel" in at):
             put_int(lanes, wp.static(at["channel"]), i, path.channel)
+            put(lanes, wp.static(at["length"]), i, path.length)
             put3(lanes, wp.static(at["channel_pdfs"]), i, path.channel_pdfs)
         if wp.static("rates" in at):
             if wp.static(features.chromatic):

@@ -23,8 +23,10 @@ from fgf_warp.theory.kernels import (
     log_expm1_ratio,
 )
 
-SEARCHED = np.geomspace(1e-3, 1e4, 2801)
-"""t/L at which `falls_until` looks for the end: R is 1 below, and no scene's extent is above."""
+LONGEST = 10.0
+"""t/L up to which the law is held to hold: an average over segments that begin in [0, L] says little of longer ones."""
+SEARCHED = np.geomspace(1e-3, LONGEST, 1601)
+"""t/L at which `falls_until` looks for the end; R is 1 below."""
 STILL_FALLS = 0.3
 """f' over that of the asymptotic variance, 1/(1+y), below which Tr counts as no longer falling."""
 SHORTEST_FLIGHT = 1e-9
@@ -107,14 +109,15 @@ def eval_kernels(line: ExactFbm, u: ArrayLike) -> KernelValues:
 
 
 def falls_until(line: ExactFbm) -> float:
-    """The u up to which Tr falls, by over three tenths of what the asymptotic variance makes it fall; inf for always.
+    """The u up to which the law holds: ten outer scales at most, and as far as Tr falls.
 
+    It counts as falling where its slope is over three tenths of what the asymptotic variance makes it.
     Tr is convex that far too, so that Tmm is a density: -Tr' vanishes before its slope changes sign.
     """
     u = SEARCHED * line.outer_depth
     y = line.kappa * u * variance_ratio(line.hurst, SEARCHED)
     stops = line_exponent_d1(line, u) * (1 + y) <= STILL_FALLS
-    return float(u[np.argmax(stops)]) if stops.any() else np.inf
+    return float(u[np.argmax(stops)] if stops.any() else u[-1])
 
 
 def tabulate_flights(line: ExactFbm, farthest: float, *, from_medium: bool) -> FlightTable:
@@ -128,7 +131,8 @@ def tabulate_flights(line: ExactFbm, farthest: float, *, from_medium: bool) -> F
     # With the asymptotic variance, E is this times log1p(kappa u) / kappa.
     shortening = 1 + line.kappa if from_medium else 1.0
     largest = min(float(exponent(np.array(farthest))[0]), LARGEST_EXPONENT)
-    start = np.log(SHORTEST_FLIGHT / shortening)
+    # At least a node and its successor, however near the farthest is.
+    start = np.log(min(SHORTEST_FLIGHT, largest / 2) / shortening)
     stop = np.log(largest / shortening) + log_expm1_ratio(np.array(line.kappa * largest / shortening))[0]
     nodes, step = np.linspace(start, stop, int((stop - start) * NODES_PER_UNIT) + 2, retstep=True)
     plain = line.kappa * np.exp(nodes)

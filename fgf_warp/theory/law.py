@@ -135,17 +135,16 @@ class LineLaw:
             )
         is_asymptotic = self.regime in ("fbm", "kfbm") and self.exact_fbm is None
         if is_asymptotic and self.outer_scale is not None and lengths:
-            longest = max(lengths)
-            order = (longest / self.outer_scale) ** min(1.0, 2.0 * self.hurst)
-            if order > FBM_ERROR:
+            tau = max(lengths) / self.outer_scale
+            if tau ** min(1.0, 2.0 * self.hurst) > FBM_ERROR:
+                known = f"; the exact one is {fbm.variance_ratio(self.hurst, tau):.2f} of it" if self.hurst < 1 else ""
                 found.append(
-                    f"t = {longest:g} is not far below the outer scale L = {self.outer_scale:g}: "
-                    f"the asymptotic variance of H = {self.hurst:g} is off by the order of {order:.0%}"
-                    + ("; the exact one is to be had by lineVariance = exact" if self.regime == "fbm" else "")
+                    f"t = {max(lengths):g} is not far below the outer scale L = {self.outer_scale:g}, as the asymptotic "
+                    f"variance of H = {self.hurst:g} takes it to be{known}"
                 )
         if self.kappa > 1:
             found.append(f"kappa = {self.kappa:.4g} > 1: the Gamma law of the line average is then a modelling choice")
-        if self.b == 1 and self.kappa >= 1:
+        if self.b == 1 and self.kappa >= 1 and self.exact_fbm is None:
             found.append(f"kappa = {self.kappa:.4g} >= 1 with b = 1: the mean free path is infinite")
         return found
 
@@ -196,7 +195,7 @@ def build_line_law(
     if line_variance not in LINE_VARIANCES:
         raise ValueError(f"line_variance = {line_variance!r}; accepted: {', '.join(LINE_VARIANCES)}")
     if line_variance == "exact" and hurst > 1 and correlated:
-        raise ValueError(f"line_variance = 'exact' with H = {hurst:g}; accepted for H > 1: asymptotic only")
+        raise ValueError(f"line_variance = 'exact' with H = {hurst:g}; accepted: asymptotic, or exact with H < 1")
     if kappa is None:
         kappa = _kappa(hurst, white_noise_scale, mean_extinction, outer_scale) if correlated else 0.0
         origin = f" (from S_w = {white_noise_scale:g}, sigma_m = {mean_extinction:g}, H = {hurst:g})"

@@ -21,8 +21,8 @@ LINES = [
 
 
 def reach(line: ExactFbm) -> float:
-    """u up to which Tr falls, and no more than ten outer scales."""
-    return min(fbm.falls_until(line), 10 * line.outer_depth)
+    """u up to which the law holds."""
+    return fbm.falls_until(line)
 
 
 def depths(line: ExactFbm) -> np.ndarray:
@@ -140,7 +140,7 @@ def test_flights_follow_their_cdf(line):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (dict(hurst=1.4), "line_variance = 'exact' with H = 1.4; accepted for H > 1: asymptotic only"),
+        (dict(hurst=1.4), "line_variance = 'exact' with H = 1.4; accepted: asymptotic, or exact with H < 1"),
         (dict(outer_scale=None, kappa=0.3), "H = 0.3 needs an outer scale L; accepted: > 0"),
         (dict(line_variance="best"), "line_variance = 'best'; accepted: asymptotic, exact"),
     ],
@@ -160,10 +160,10 @@ def test_below_zero_both_variances_are_the_same(hurst):
 
 
 def test_a_medium_longer_than_its_law_is_refused():
-    """Of the unit sphere the bounding box's diagonal is 3.46."""
+    """No segment in the unit sphere is longer than 2."""
     scene = dict(hurst=0.8, kappa=2.0, line_variance="exact")
     furnace(outer_scale=40.0, **scene)
-    with pytest.raises(SceneError, match=r"/medium: .*falls up to t = .* segments are up to 3.464 long; accepted"):
+    with pytest.raises(SceneError, match=r"/medium: .*holds up to t = .* segments are up to 2 long; accepted: at most"):
         furnace(outer_scale=0.5, **scene)
 
 

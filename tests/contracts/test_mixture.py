@@ -8,7 +8,11 @@ from fgf_warp.theory import kernels
 from fgf_warp.theory.mixture import RateMixture, fit_rates, mix_rates
 from tests import stats
 
-LAWS = [(b, kappa) for b in (1e-3, 0.02, 0.2, 0.5, 0.98, 1.0) for kappa in (1e-8, 1e-4, 1e-2, 0.3, 1.0, 10.0, 1e3, 1e8)]
+LAWS = [
+    (b, kappa)
+    for b in (1e-9, 1e-4, 1e-3, 0.02, 0.2, 0.5, 0.98, 1.0)
+    for kappa in (1e-8, 1e-4, 1e-2, 0.3, 1.0, 10.0, 1e3, 1e8)
+]
 
 
 def laplace(mixture: RateMixture, u: np.ndarray) -> np.ndarray:
@@ -22,7 +26,7 @@ def test_the_mixture_has_the_laws_transmittance(b, kappa):
     assert (mixture.rates >= 0).all()
     assert abs(mixture.weights.sum() - 1) < 1e-12
     u = np.geomspace(1e-9, 1e9, 3001)
-    assert np.abs(laplace(mixture, u) - kernels.transmittance_ss(b, kappa, u)).max() < (3e-8 if b >= 0.02 else 2e-6)
+    assert np.abs(laplace(mixture, u) - kernels.transmittance_ss(b, kappa, u)).max() < (3e-8 if b >= 0.02 else 1e-4)
 
 
 @pytest.mark.parametrize("kappa", [0.3, 1.0])

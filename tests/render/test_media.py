@@ -187,6 +187,15 @@ def test_chromatic_extinction_is_three_media(regime, transport):
     stats.assert_means(found, errors, expected, detects=0.02)
 
 
+def test_chromatic_extinction_where_flights_are_shorter_than_the_rounding_of_distances():
+    """A ball of optical radius 10^6: the red channel, which is drawn for a third of the paths, against it alone."""
+    medium = dict(mean_extinction=1e6, albedo=(0.5,) * 3, hurst=-0.25, kappa=1.0)
+    together = render(furnace(extinction_color=(1.0, 0.1, 0.01), **medium), replace(SETTINGS, spp=128))
+    mean, error = stats.image_mean(together)
+    alone, alone_error = stats.image_mean(render(furnace(**medium), replace(SETTINGS, spp=128, seed=1)))
+    stats.assert_means(mean, np.hypot(error, alone_error), alone, detects=0.05)
+
+
 def test_media_of_different_phase_functions_are_what_they_are_alone():
     """Two balls, too far apart to see each other, in light from the side: each against the kernel made for it."""
     settings, names, apart = replace(SETTINGS, spp=1024), ("two_lobe", "draine"), 100.0

@@ -168,8 +168,7 @@ def _note_misplaced(prim: Usd.Prim, context: StageContext) -> None:
 
 def _note_law_warnings(context: StageContext, scene: Scene) -> None:
     for index, medium in enumerate(scene.media):
-        extent = scene.medium_extent(index)
-        for text in medium.line_law.warnings(lengths=[] if extent is None else [extent]):
+        for text in scene.medium_warnings(index, medium):
             context.notes.add(f"{medium.name}: {text}")
 
 
