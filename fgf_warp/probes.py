@@ -32,6 +32,21 @@ LAW_BOUNDS = {
 """The functions of `eval_law`, and the bounds that their docstrings state: relative error below c + d f(u)."""
 LAW_ZERO = 2e-38
 """Values below it lose digits in float32, and count as zero."""
+EXACT_FBM_BOUNDS = {
+    "line_exponent": (1e-5, 0.0),
+    "line_exponent_d1": (1e-4, 0.0),
+    "line_exponent_d2": (1e-3, 0.0),
+    "transmittance_ss": (1e-6, 1e-5),
+    "density_sm": (1e-4, 1e-5),
+    "transmittance_ms": (1e-4, 1e-5),
+    "density_mm": (1e-3, 1e-5),
+}
+"""The functions of `eval_exact_fbm`, and the bounds of their relative error: below c + d f(u); that of f'' relative to
+the larger of it and f'^2."""
+EXACT_FBM_FLIGHT_BOUND, EXACT_FBM_UNIFORM_BOUND = 1e-3, 1e-6
+"""Of a flight of `sample_exact_fbm`, relative; and of the uniform that it belongs to, by rounding."""
+EXACT_FBM_ESCAPE_BOUND = 1e-4
+"""Relative, of the uniform below which a flight escapes."""
 FLIGHT_BOUNDS = {"sample_sm": (1.2e-4, 0.0), "sample_mm": (1.2e-4, 2e-6)}
 """The functions of `sample_law`, and the bounds of their relative error: below c + d/b.
 

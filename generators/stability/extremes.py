@@ -26,11 +26,12 @@ DEPTHS = (1e-30, *_decades(-8, 8), 1e30)
 ASYMMETRIES = (-0.9999, -0.99, -0.8, -1e-7, 0.0, 1e-7, 0.5, 0.8, 0.99, 0.9999)
 ALBEDOS = (0.0, 0.1, 0.5, 0.9, 0.99, 0.999, 0.999999, 1.0)
 OUTER_SCALES = (None, 0.01, 0.1, 1.0, 10.0, 1e3, 1e6)
+KAPPAS = (0.0, 1e-8, 1e-2, 1.0, 1e2, 1e8)
 BEST_SWEPT = tuple(transport for transport in TRANSPORTS if transport != "mixed")
 """The mixed transport takes a third of a second to find the rates of each pair of b and kappa."""
 
 
-QUICK_EXPERIMENTS = ("field", "albedo", "scale")
+QUICK_EXPERIMENTS = ("absorption", "field", "albedo", "scale")
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,8 @@ class Extremes:
         bs: b of the law and its flights.
         kappas: of the law and its flights, > 0.
         depths: mean optical depths u of the law.
+        exact: of the law with the exact variance of fractional Brownian motion: H in (0, 1), kappa > 0, sigma_m L and
+            t/L.
         draws: flights of each law.
         asymmetries: g of the phase functions.
         hursts: H of the parameters.
@@ -54,6 +57,7 @@ class Extremes:
     bs: tuple[float, ...]
     kappas: tuple[float, ...]
     depths: tuple[float, ...]
+    exact: tuple[Axis, ...]
     draws: int
     asymmetries: tuple[float, ...]
     hursts: tuple[float, ...]
@@ -68,10 +72,19 @@ def _axes(**axes: tuple[Value, ...]) -> tuple[Axis, ...]:
     return tuple(Axis(name, values) for name, values in axes.items())
 
 
+def _exact(hursts: tuple[float, ...], kappas: tuple[float, ...], outer_depths: tuple[float, ...]) -> tuple[Axis, ...]:
+    lengths = (*_decades(-6, -1), 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+    return tuple(
+        Axis(name, values)
+        for name, values in (("H", hursts), ("kappa", kappas), ("sigma_m L", outer_depths), ("t/L", lengths))
+    )
+
+
 FULL = Extremes(
     bs=BS,
     kappas=_decades(-8, 8),
     depths=DEPTHS,
+    exact=_exact((0.01, 0.3, 0.5, 0.8, 0.99), (1e-6, 1e-2, 1.0, 1e2, 1e6), (1e-2, 1.0, 1e3, 1e6)),
     draws=512,
     asymmetries=ASYMMETRIES,
     hursts=HURSTS,
@@ -80,6 +93,30 @@ FULL = Extremes(
     outer_scales=OUTER_SCALES,
     scales=(1e-4, 1.0, 1e5),
     experiments=(
+        Experiment(
+            "absorption",
+            "A sphere of radius 1 that does not scatter, seen through its centre: flights, law and geometry.",
+            _axes(transport=TRANSPORTS, H=HURSTS, kappa=KAPPAS, sigma_m=_decades(-6, 6)),
+            (("H", "kappa"), ("kappa", "sigma_m")),
+            {"albedo": 0.0},
+            {"kappa": 1.0, "sigma_m": 1.0},
+            shows_law=True,
+        ),
+        Experiment(
+            "exact variance",
+            "The same with the exact variance of fractional Brownian motion.",
+            _axes(
+                transport=BEST_SWEPT,
+                H=tuple(H for H in HURSTS if 0 < H < 1),
+                kappa=KAPPAS,
+                sigma_m=_decades(-6, 6, 2),
+                L=(0.3, 10.0),
+            ),
+            (("H", "L"), ("kappa", "sigma_m")),
+            {"albedo": 0.0, "line_variance": "exact"},
+            {"kappa": 1.0, "sigma_m": 1.0, "L": 10.0},
+            shows_law=True,
+        ),
         Experiment(
             "field",
             "Every strength of the field and every mean extinction, in a sphere of radius 1.",
@@ -131,6 +168,21 @@ FULL = Extremes(
             (("H", "albedo"),),
             {"kappa": 1.0},
             {"sigma_m": 1e2},
+        ),
+        Experiment(
+            "colour",
+            "A medium whose extinction is 1, 0.3 and 0.03 of sigma_m in the three channels: the weights of its paths.",
+            _axes(
+                transport=BEST_SWEPT,
+                H=HURSTS,
+                S_w=(0.0, 1.0, 1e4),
+                sigma_m=(1e-6, 1e-2, 1.0, 1e2, 1e6),
+                # Not 1: the weight of a path that is cut is not known.
+                albedo=(0.0, 0.9),
+            ),
+            (("H", "S_w"), ("albedo", "sigma_m")),
+            {"color": (1.0, 0.3, 0.03)},
+            {"S_w": 1.0, "sigma_m": 1.0, "albedo": 0.9},
         ),
         Experiment(
             "roulette",
@@ -198,6 +250,7 @@ QUICK = Extremes(
     bs=(-0.958, -2e-4, 0.0, 2e-4, 0.5, 1.0),
     kappas=_decades(-8, 8, 4),
     depths=(1e-30, *_decades(-8, 8, 2), 1e30),
+    exact=_exact((0.01, 0.99), (1e-6, 1.0, 1e6), (1e-2, 1e6)),
     draws=64,
     asymmetries=(-0.9999, 0.0, 0.9999),
     hursts=(*QUICK_HURSTS, 2.6),

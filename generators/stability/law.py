@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from fgf_warp import probes
-from fgf_warp.theory import kernels, phase
+from fgf_warp.theory import fbm, kernels, phase
+from fgf_warp.theory.fbm import ExactFbm
 from generators.stability.measurement import Axis, Measurement
 
 LEAST_UNIFORM, LARGEST_UNIFORM = 2.0**-32, 1 - 2.0**-24
@@ -92,6 +93,71 @@ def measure_flights(bs: tuple[float, ...], kappas: tuple[float, ...], draws: int
         ]
     escaped = (flights >= probes.FLIGHT_LONGEST).mean(axis=-1)
     return [*measured, Measurement("share of flights that escape", axes, escaped)]
+
+
+def measure_exact_fbm(axes: tuple[Axis, ...], draws: int, device: str) -> list[Measurement]:
+    """The law with the exact variance of fractional Brownian motion, as far as Tr falls, and its flights.
+
+    Args:
+        axes: H in (0, 1), kappa > 0, sigma_m L > 0 and t/L > 0.
+        draws: flights of each law.
+        device: to evaluate on.
+    """
+    lengths = np.array(axes[3].values, dtype=np.float64)
+    shape = tuple(len(axis.values) for axis in axes)
+    bounds = probes.EXACT_FBM_BOUNDS
+    errors, limits = ({name: np.full(shape, np.nan) for name in bounds} for _ in range(2))
+    flights = {name: np.full(shape[:3], np.nan) for name in probes.FLIGHT_BOUNDS}
+    xi = np.clip(np.random.default_rng(1).random(draws).astype(np.float32), LEAST_UNIFORM, LARGEST_UNIFORM)
+    xi[:2] = LEAST_UNIFORM, LARGEST_UNIFORM
+    for place, (hurst, kappa, outer_depth) in zip(
+        np.ndindex(shape[:3]), itertools.product(*(axis.values for axis in axes[:3])), strict=True
+    ):
+        line = ExactFbm(hurst, kappa, outer_depth)
+        farthest = fbm.falls_until(line)
+        falls = lengths * outer_depth <= farthest * (1 - 1e-6)
+        u = (lengths[falls] * outer_depth).astype(np.float32).astype(np.float64)
+        for name, error in _exact_fbm_errors(line, u, device).items():
+            constant, per_exponent = bounds[name]
+            errors[name][place][falls] = error
+            limits[name][place][falls] = constant + per_exponent * fbm.line_exponent(line, u)
+        for name, from_medium in (("sample_sm", False), ("sample_mm", True)):
+            found = probes.sample_exact_fbm(line, farthest, xi, from_medium=from_medium, device=device)
+            flights[name][place] = _exact_fbm_flight_share(line, farthest, xi, found, from_medium)
+    return [
+        *(Measurement(f"relative error of {name}", axes, errors[name], limits[name]) for name in bounds),
+        *(Measurement(f"error of xi at {name}, share of the bound", axes[:3], flights[name], 1.0) for name in flights),
+    ]
+
+
+def _exact_fbm_errors(line: ExactFbm, u: np.ndarray, device: str) -> dict[str, np.ndarray]:
+    found, kernels_of_line = probes.eval_exact_fbm(line, u, device), fbm.eval_kernels(line, u)
+    d1, d2 = fbm.line_exponent_d1(line, u), fbm.line_exponent_d2(line, u)
+    errors = {
+        "line_exponent": _relative_error(found["line_exponent"], fbm.line_exponent(line, u)),
+        "line_exponent_d1": _relative_error(found["line_exponent_d1"], d1),
+        "line_exponent_d2": np.abs(found["line_exponent_d2"] - d2) / np.maximum(np.abs(d2), d1**2),
+    }
+    rest = [name for name in probes.EXACT_FBM_BOUNDS if name not in errors]
+    return errors | {name: _relative_error(found[name], getattr(kernels_of_line, name)) for name in rest}
+
+
+def _exact_fbm_flight_share(
+    line: ExactFbm, farthest: float, xi: np.ndarray, flights: np.ndarray, from_medium: bool
+) -> float:
+    """The largest error of xi, at the survival of the flight, over what the flight's stated error makes of it."""
+    u = flights.astype(np.float64)
+    escaped = u >= probes.FLIGHT_LONGEST
+    values = fbm.eval_kernels(line, np.where(escaped, farthest, u))
+    survival = values.transmittance_ms if from_medium else values.transmittance_ss
+    density = values.density_mm if from_medium else values.density_sm
+    allowed = np.where(
+        escaped,
+        probes.EXACT_FBM_ESCAPE_BOUND * survival,
+        probes.EXACT_FBM_FLIGHT_BOUND * u * density + probes.EXACT_FBM_UNIFORM_BOUND,
+    )
+    error = np.where(escaped, np.maximum(xi - survival, 0.0), np.abs(survival - xi))
+    return float(np.max(error / allowed))
 
 
 def measure_phase(asymmetries: tuple[float, ...], device: str) -> list[Measurement]:

@@ -31,6 +31,7 @@ class Outcome:
     Args:
         law: measurements of the law's functions.
         flights: of its samplers.
+        exact_fbm: of the law and the sampler with the exact variance of fractional Brownian motion.
         phase: of the phase functions.
         parameters: of what is accepted.
         rendered: of the renders.
@@ -40,6 +41,7 @@ class Outcome:
 
     law: tuple[Measurement, ...]
     flights: tuple[Measurement, ...]
+    exact_fbm: tuple[Measurement, ...]
     phase: tuple[Measurement, ...]
     parameters: tuple[Measurement, ...]
     rendered: tuple[Rendered, ...]
@@ -52,6 +54,7 @@ class Outcome:
         parts = (
             ("law", self.law),
             ("flights", self.flights),
+            ("exact variance", self.exact_fbm),
             ("phase functions", self.phase),
             ("parameters", self.parameters),
             *((f"render: {one.experiment.name}", tuple(one.measurements.values())) for one in self.rendered),
@@ -82,6 +85,8 @@ def measure(extremes: Extremes, device: str, progress: Progress | None = None) -
     of_law = law.measure_law(extremes.bs, extremes.kappas, extremes.depths, device)
     show("flights")
     flights = law.measure_flights(extremes.bs, extremes.kappas, extremes.draws, device)
+    show("exact variance")
+    exact_fbm = law.measure_exact_fbm(extremes.exact, extremes.draws, device)
     show("phase functions")
     phase = law.measure_phase(extremes.asymmetries, device)
     show("parameters")
@@ -98,7 +103,16 @@ def measure(extremes: Extremes, device: str, progress: Progress | None = None) -
         show(name)
         rendered.append(run_experiment(experiment, device, partial(show, name)))
     seconds = time.perf_counter() - started
-    return Outcome(tuple(of_law), tuple(flights), tuple(phase), tuple(parameters), tuple(rendered), device, seconds)
+    return Outcome(
+        tuple(of_law),
+        tuple(flights),
+        tuple(exact_fbm),
+        tuple(phase),
+        tuple(parameters),
+        tuple(rendered),
+        device,
+        seconds,
+    )
 
 
 def make_folder(folder: Path) -> None:
@@ -120,7 +134,10 @@ def conclude(outcome: Outcome) -> str:
     measured = sum(int((~np.isnan(found.values)).sum()) for _, found in outcome.measurements if found.bound is not None)
     if outcome.outside_count:
         return f"{outcome.outside_count:,} of {measured:,} values are outside their bounds."
-    return f"All {measured:,} values are inside their bounds: no light is lost, no parameter clamped, nothing is NaN."
+    return (
+        f"All {measured:,} values are inside their bounds: no light is lost, no parameter clamped, nothing is NaN, and "
+        "absorbing spheres let pass what the law says."
+    )
 
 
 def write(outcome: Outcome, folder: Path, command: str) -> Path:

@@ -93,14 +93,17 @@ def test_twin(line):
     found = probes.eval_exact_fbm(line, u)
     expected = fbm.eval_kernels(line, u)
     d1, d2 = fbm.line_exponent_d1(line, u), fbm.line_exponent_d2(line, u)
-    assert np.abs(found["line_exponent"] / fbm.line_exponent(line, u) - 1).max() <= 1e-5
-    assert np.abs(found["line_exponent_d1"] / d1 - 1).max() <= 1e-4
-    assert (np.abs(found["line_exponent_d2"] - d2) / np.maximum(np.abs(d2), d1**2)).max() <= 1e-3
+    bounds = probes.EXACT_FBM_BOUNDS
+    assert np.abs(found["line_exponent"] / fbm.line_exponent(line, u) - 1).max() <= bounds["line_exponent"][0]
+    assert np.abs(found["line_exponent_d1"] / d1 - 1).max() <= bounds["line_exponent_d1"][0]
+    d2_error = np.abs(found["line_exponent_d2"] - d2) / np.maximum(np.abs(d2), d1**2)
+    assert d2_error.max() <= bounds["line_exponent_d2"][0]
     visible = expected.transmittance_ss > 1e-30
     exponent = fbm.line_exponent(line, u)[visible]
-    for name, bound in (("transmittance_ss", 1e-6), ("transmittance_ms", 1e-4), ("density_mm", 1e-3)):
+    for name in ("transmittance_ss", "density_sm", "transmittance_ms", "density_mm"):
+        constant, per_exponent = bounds[name]
         error = np.abs(found[name][visible] / getattr(expected, name)[visible] - 1)
-        assert (error <= bound + 1e-5 * exponent).all(), name
+        assert (error <= constant + per_exponent * exponent).all(), name
 
 
 @pytest.mark.parametrize("line", LINES, ids=str)
@@ -114,10 +117,10 @@ def test_flights(line, from_medium):
     values = fbm.eval_kernels(line, np.where(escaped, farthest, u))
     survival = values.transmittance_ms if from_medium else values.transmittance_ss
     density = values.density_mm if from_medium else values.density_sm
-    assert (xi[escaped] <= survival[escaped] * (1 + 1e-4)).all()
+    assert (xi[escaped] <= survival[escaped] * (1 + probes.EXACT_FBM_ESCAPE_BOUND)).all()
     met = ~escaped
     assert (u[escaped] >= 1e30).all()
-    tolerance = 1e-3 * u[met] * density[met] + 1e-6
+    tolerance = probes.EXACT_FBM_FLIGHT_BOUND * u[met] * density[met] + probes.EXACT_FBM_UNIFORM_BOUND
     assert (np.abs(survival[met] - xi[met]) <= tolerance).all()
 
 

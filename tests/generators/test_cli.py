@@ -44,6 +44,7 @@ def test_law_prints_json_in_full_precision():
         "b",
         "kappa",
         "mean_free_path",
+        "law_ends_at",
         "t",
         "transmittance",
         "free_flight_pdf",

@@ -133,6 +133,38 @@ def test_light_that_is_lost_is_found(monkeypatch):
     assert furnace.run_experiment(experiment, "cpu").measurements[furnace.BALANCE].outside.all()
 
 
+def test_light_that_is_lost_in_one_channel_is_found(monkeypatch):
+    """A twentieth of the blue."""
+    axes = (Axis("transport", ("renewal",)), Axis("H", (-0.25,)))
+    media = {"kappa": 1.0, "albedo": 0.5, "color": (1.0, 0.3, 0.03)}
+    experiment = furnace.Experiment("one", "", axes, (), media)
+    assert not furnace.run_experiment(experiment, "cpu").measurements[furnace.BALANCE].outside.any()
+    develop = furnace.develop
+
+    def dimmed(model, state, image):
+        result = develop(model, state, image)
+        return replace(result, radiance=result.radiance * np.array([1, 1, 0.95], dtype=np.float32))
+
+    monkeypatch.setattr(furnace, "develop", dimmed)
+    assert furnace.run_experiment(experiment, "cpu").measurements[furnace.BALANCE].outside.all()
+
+
+def test_only_what_passes_an_absorbing_sphere_shows_wrong_geometry(monkeypatch):
+    """A radius that is a tenth too large."""
+    axes = (Axis("transport", ("renewal",)), Axis("H", (-0.25,)))
+    experiment = furnace.Experiment("one", "", axes, (), {"kappa": 1.0, "albedo": 0.0}, shows_law=True)
+    assert not furnace.run_experiment(experiment, "cpu").measurements[furnace.SHOWN].outside.any()
+    solid = furnace.Solid
+
+    def larger(name, kind, to_world, **of_shape):
+        return solid(name, kind, to_world @ np.diag([1.1, 1.1, 1.1, 1.0]), **of_shape)
+
+    monkeypatch.setattr(furnace, "Solid", larger)
+    found = furnace.run_experiment(experiment, "cpu").measurements
+    assert found[furnace.SHOWN].outside.all()
+    assert not found[furnace.BALANCE].outside.any()
+
+
 @pytest.mark.parametrize("has_roulette", [False, True])
 def test_only_noise_gets_a_second_look(monkeypatch, has_roulette):
     """A tenth of the light is lost in the first render alone."""
