@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from fgf_warp.scene import TRANSPORTS
 from fgf_warp.theory.law import LINE_VARIANCES
 from generators.stability.furnace import Experiment
+from generators.stability.law import ExactGrid
 from generators.stability.measurement import Axis, Value
 
 
@@ -42,8 +43,7 @@ class Extremes:
         bs: b of the law and its flights.
         kappas: of the law and its flights, > 0.
         depths: mean optical depths u of the law.
-        exact: of the law with the exact variance of fractional Brownian motion: H in (0, 1), kappa > 0, sigma_m L and
-            t/L.
+        exact: of the law with the exact variance of fractional Brownian motion.
         draws: flights of each law.
         asymmetries: g of the phase functions.
         hursts: H of the parameters.
@@ -57,7 +57,7 @@ class Extremes:
     bs: tuple[float, ...]
     kappas: tuple[float, ...]
     depths: tuple[float, ...]
-    exact: tuple[Axis, ...]
+    exact: ExactGrid
     draws: int
     asymmetries: tuple[float, ...]
     hursts: tuple[float, ...]
@@ -72,19 +72,11 @@ def _axes(**axes: tuple[Value, ...]) -> tuple[Axis, ...]:
     return tuple(Axis(name, values) for name, values in axes.items())
 
 
-def _exact(hursts: tuple[float, ...], kappas: tuple[float, ...], outer_depths: tuple[float, ...]) -> tuple[Axis, ...]:
-    lengths = (*_decades(-6, -1), 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
-    return tuple(
-        Axis(name, values)
-        for name, values in (("H", hursts), ("kappa", kappas), ("sigma_m L", outer_depths), ("t/L", lengths))
-    )
-
-
 FULL = Extremes(
     bs=BS,
     kappas=_decades(-8, 8),
     depths=DEPTHS,
-    exact=_exact((0.01, 0.3, 0.5, 0.8, 0.99), (1e-6, 1e-2, 1.0, 1e2, 1e6), (1e-2, 1.0, 1e3, 1e6)),
+    exact=ExactGrid((0.01, 0.3, 0.5, 0.8, 0.99), (1e-6, 1e-2, 1.0, 1e2, 1e6), (1e-2, 1.0, 1e3, 1e6)),
     draws=512,
     asymmetries=ASYMMETRIES,
     hursts=HURSTS,
@@ -250,7 +242,7 @@ QUICK = Extremes(
     bs=(-0.958, -2e-4, 0.0, 2e-4, 0.5, 1.0),
     kappas=_decades(-8, 8, 4),
     depths=(1e-30, *_decades(-8, 8, 2), 1e30),
-    exact=_exact((0.01, 0.99), (1e-6, 1.0, 1e6), (1e-2, 1e6)),
+    exact=ExactGrid((0.01, 0.99), (1e-6, 1.0, 1e6), (1e-2, 1e6)),
     draws=64,
     asymmetries=(-0.9999, 0.0, 0.9999),
     hursts=(*QUICK_HURSTS, 2.6),

@@ -1,9 +1,9 @@
 """Small renders of a sphere of medium in a uniform environment of radiance 1, over a grid of extremes.
 
 Whatever a medium does, no light is lost: the radiance that arrives, what was absorbed, and the share of paths that were
-cut at the bound on their length add up to 1. That is so wherever a path scatters and leaves, and says nothing of flights,
-law and geometry. Those show where a sphere absorbs and does not scatter: what passes through its centre is the law's
-transmittance of the diameter.
+cut at the bound on their length add up to 1. That is so wherever a path scatters and leaves, and tells nothing about
+flights, law and geometry. Those show where a sphere absorbs and does not scatter: what passes through its centre is the
+law's transmittance of the diameter.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,6 +23,23 @@ ANGLES = (0.0, *(float(f"{v:.3g}") for v in np.geomspace(1e-9, 1.0, 28)), *(2.0 
 """1 - cos(theta)."""
 UNIFORMS = (1e-7, *(k / 40 for k in range(1, 40)), 1 - 6e-8)
 """xi."""
+
+
+@dataclass(frozen=True)
+class ExactGrid:
+    """Parameters of the law with the exact variance of fractional Brownian motion.
+
+    Args:
+        hursts: H in (0, 1).
+        kappas: > 0, of the asymptotic variance.
+        outer_depths: sigma_m L > 0.
+        lengths: t/L > 0; those from which Tr no longer falls are left out.
+    """
+
+    hursts: tuple[float, ...]
+    kappas: tuple[float, ...]
+    outer_depths: tuple[float, ...]
+    lengths: tuple[float, ...] = (*(10.0**k for k in range(-6, 0)), 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 
 
 def measure_law(
@@ -95,15 +113,21 @@ def measure_flights(bs: tuple[float, ...], kappas: tuple[float, ...], draws: int
     return [*measured, Measurement("share of flights that escape", axes, escaped)]
 
 
-def measure_exact_fbm(axes: tuple[Axis, ...], draws: int, device: str) -> list[Measurement]:
+def measure_exact_fbm(grid: ExactGrid, draws: int, device: str) -> list[Measurement]:
     """The law with the exact variance of fractional Brownian motion, as far as Tr falls, and its flights.
 
     Args:
-        axes: H in (0, 1), kappa > 0, sigma_m L > 0 and t/L > 0.
+        grid: of its parameters.
         draws: flights of each law.
         device: to evaluate on.
     """
-    lengths = np.array(axes[3].values, dtype=np.float64)
+    axes = (
+        Axis("H", grid.hursts),
+        Axis("kappa", grid.kappas),
+        Axis("sigma_m L", grid.outer_depths),
+        Axis("t/L", grid.lengths),
+    )
+    lengths = np.array(grid.lengths)
     shape = tuple(len(axis.values) for axis in axes)
     bounds = probes.EXACT_FBM_BOUNDS
     errors, limits = ({name: np.full(shape, np.nan) for name in bounds} for _ in range(2))
@@ -111,7 +135,7 @@ def measure_exact_fbm(axes: tuple[Axis, ...], draws: int, device: str) -> list[M
     xi = np.clip(np.random.default_rng(1).random(draws).astype(np.float32), LEAST_UNIFORM, LARGEST_UNIFORM)
     xi[:2] = LEAST_UNIFORM, LARGEST_UNIFORM
     for place, (hurst, kappa, outer_depth) in zip(
-        np.ndindex(shape[:3]), itertools.product(*(axis.values for axis in axes[:3])), strict=True
+        np.ndindex(shape[:3]), itertools.product(grid.hursts, grid.kappas, grid.outer_depths), strict=True
     ):
         line = ExactFbm(hurst, kappa, outer_depth)
         farthest = fbm.falls_until(line)

@@ -348,8 +348,9 @@ def _noise_text(one: Rendered) -> str:
     count = int((~np.isnan(one.measurements[BALANCE].values)).sum())
     return (
         f"the bound is {furnace.STANDARD_ERRORS:g} standard errors, one event rarer than the samples can show "
-        f"included. A render beyond it is repeated once with other random numbers and {furnace.SECOND_LOOK} times the samples, which "
-        f"decides: of {count:,} renders {one.looked_again:,} were, and by chance alone {0.0027 * count:.1f} would be."
+        f"included. A render beyond it is repeated once with other random numbers and {furnace.SECOND_LOOK} times the "
+        f"samples, which decides: of {count:,} renders {one.looked_again:,} were, and by chance alone "
+        f"{0.0027 * count:.1f} would be."
     )
 
 
