@@ -130,6 +130,7 @@ caption { padding-bottom: .5rem; }
 table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums; }
 th { text-align: left; font-weight: 600; border-bottom: 2px solid #1d2430; }
 th, td { padding: .3rem .9rem .3rem 0; white-space: nowrap; }
+td:last-child { white-space: normal; min-width: 14rem; padding-right: 0; }
 td { border-bottom: 1px solid #e8ebf0; }
 tr.failed td { background: #fdecea; color: #8c1d18; font-weight: 600; }
 .verdict { padding: .7rem 1rem; border-left: 6px solid #1a7f4e; background: #e9f6ef; font-weight: 600; }
