@@ -507,8 +507,8 @@ class Scene:
             mean_extinction = max(line.mean_extinction for line in medium.channel_laws)
             if mean_extinction * reach > RESOLVED_DEPTH:
                 found.append(
-                    f"sigma_m = {mean_extinction:g} with coordinates up to {reach:.3g}: float32 rounds positions by more "
-                    "than a hundredth of a mean free path, and the picture of it is off by as much"
+                    f"sigma_m = {mean_extinction:g} with coordinates up to {reach:.3g}: float32 rounds positions by "
+                    "more than a hundredth of a mean free path, and the picture of it is off by as much"
                 )
         return found
 

@@ -63,7 +63,7 @@ class Path:
     channel: int
     """Whose law the flights are sampled from, in a chromatic scene."""
     length: float
-    """Of the flight, from where its segment began: `flight` less `segment` before it is rounded; in a chromatic scene."""
+    """Of the flight, from where its segment began: `flight` less `segment`, but not rounded; in a chromatic scene."""
     channel_pdfs: wp.vec3
     """Density of the path's flights under each channel, over that under `channel`."""
     first_depth: float

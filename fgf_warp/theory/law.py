@@ -139,8 +139,8 @@ class LineLaw:
             if tau ** min(1.0, 2.0 * self.hurst) > FBM_ERROR:
                 known = f"; the exact one is {fbm.variance_ratio(self.hurst, tau):.2f} of it" if self.hurst < 1 else ""
                 found.append(
-                    f"t = {max(lengths):g} is not far below the outer scale L = {self.outer_scale:g}, as the asymptotic "
-                    f"variance of H = {self.hurst:g} takes it to be{known}"
+                    f"t = {max(lengths):g} is not far below the outer scale L = {self.outer_scale:g}, as the "
+                    f"asymptotic variance of H = {self.hurst:g} takes it to be{known}"
                 )
         if self.kappa > 1:
             found.append(f"kappa = {self.kappa:.4g} > 1: the Gamma law of the line average is then a modelling choice")
