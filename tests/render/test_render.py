@@ -66,7 +66,9 @@ def test_progress_reaches_the_end():
 
 
 @pytest.mark.parametrize("regime", ["exponential", "pink", "fbm"])
-@pytest.mark.parametrize("added", [{"meshes": True}, {"surfaces": True}, {"aovs": frozenset(Aov)}], ids=str)
+@pytest.mark.parametrize(
+    "added", [{"meshes": True}, {"surfaces": True}, {"aovs": frozenset(Aov)}], ids=["meshes", "surfaces", "aovs"]
+)
 def test_features_that_a_scene_does_not_need_do_not_change_a_pixel(regime, added, monkeypatch):
     scene = furnace(albedo=(0.9, 0.8, 0.7), asymmetry=0.3, **REGIMES[regime])
     settings = replace(SETTINGS, aovs=frozenset())
