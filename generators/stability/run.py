@@ -135,8 +135,8 @@ def conclude(outcome: Outcome) -> str:
     if outcome.outside_count:
         return f"{outcome.outside_count:,} of {measured:,} values are outside their bounds."
     return (
-        f"All {measured:,} values are inside their bounds: no light is lost, no parameter clamped, nothing is NaN, and "
-        "absorbing spheres let pass what the law says."
+        f"All {measured:,} values are inside their bounds: all light is accounted for, no parameter is clamped, "
+        "nothing is NaN, and absorbing spheres let pass what the law says."
     )
 
 
