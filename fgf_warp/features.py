@@ -167,7 +167,7 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
         Reason(
             f"phase functions: {', '.join(sorted(features.phases))}".removesuffix(": "),
             features.media,
-            _why(sorted({scene.media[s.medium].name for s in filled if s.medium is not None})),
+            _why(with_property(lambda medium: True)),
         ),
         Reason("channels of their own extinction", features.chromatic, _why(chromatic)),
         Reason("frozen paths", features.frozen, _why(frozen)),

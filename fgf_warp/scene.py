@@ -535,7 +535,12 @@ class Scene:
         return min(one_after_the_other, float(np.linalg.norm(np.max(highs, axis=0) - np.min(lows, axis=0))))
 
     def _medium_bounds(self, index: int) -> list[tuple[np.ndarray, np.ndarray]]:
-        return [shape_bounds(shape) for shape in self.shapes if shape.medium == index]
+        return [bounds for shape, bounds in zip(self.shapes, self._bounds, strict=True) if shape.medium == index]
+
+    @cached_property
+    def _bounds(self) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+        """Of every shape: looking through the points of a mesh takes time, and a sweep asks for each of its samples."""
+        return tuple(shape_bounds(shape) for shape in self.shapes)
 
     def with_medium(self, index: int, medium: Medium) -> Scene:
         """The same scene with one medium replaced."""
