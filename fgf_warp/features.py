@@ -12,10 +12,14 @@ from types import UnionType
 from fgf_warp.scene import (
     PHASE_PARAMETERS,
     AreaLight,
+    CylinderLight,
     DistantLight,
     DomeLight,
+    Light,
     Medium,
     Mesh,
+    MeshInstance,
+    MeshLight,
     PhaseFunction,
     Scene,
     Shape,
@@ -33,11 +37,21 @@ class RenderFeatures:
 
     Args:
         solids: which of ``sphere``, ``cube`` and ``cylinder`` there are, as surfaces or boundaries.
-        meshes: triangle meshes, as surfaces or boundaries.
+        meshes: triangles: of meshes in world space, of instances, or of lights.
+        instances: meshes under transforms, which share their triangles: a second tree.
+        motion: shapes or a camera that move while the shutter is open.
         surfaces: anything with a surface.
-        shaped_lights: which of ``rect``, ``disk`` and ``sphere`` lights there are: those that rays can meet.
+        shading: surfaces that are more than diffuse, vary, or have normals of their own.
+        passes: surfaces that light may pass, straight or refracted.
+        lens: a camera that is more than a pinhole.
+        shaped_lights: which of ``rect``, ``disk``, ``sphere``, ``cylinder`` and ``mesh`` lights there are: those that
+            rays can meet.
         distant_lights: distant lights, with an extent or without.
-        environment: a dome. Being uniform it is met by scattered rays and not connected to.
+        environment: a dome. A uniform one is met by scattered rays and not connected to.
+        dome_image: a dome with an image, which is connected to.
+        light_images: rects with an image.
+        shaping: lights that emit unevenly.
+        links: lights that shine on some shapes, or that some shapes cast shadows of.
         media: shapes filled with a medium.
         lone_law: the law, ``exponential``, ``power``, ``fractional`` or ``exact_fbm``, of the only medium, where one
             shape is filled with a medium and the channels do not differ; otherwise empty, and laws are looked up.
@@ -53,10 +67,19 @@ class RenderFeatures:
 
     solids: frozenset[str]
     meshes: bool
+    instances: bool
+    motion: bool
     surfaces: bool
+    shading: bool
+    passes: bool
+    lens: bool
     shaped_lights: frozenset[str]
     distant_lights: bool
     environment: bool
+    dome_image: bool
+    light_images: bool
+    shaping: bool
+    links: bool
     media: bool
     lone_law: str
     lone_solid: str
@@ -70,7 +93,7 @@ class RenderFeatures:
     @property
     def connections(self) -> bool:
         """True where paths connect to lights (next-event estimation)."""
-        return bool(self.shaped_lights) or self.distant_lights
+        return bool(self.shaped_lights) or self.distant_lights or self.dome_image
 
     @property
     def crossings(self) -> bool:
@@ -102,18 +125,27 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
     """The least that renders this scene with these settings."""
     filled = [shape for shape in scene.shapes if shape.medium is not None]
     media = [scene.media[shape.medium] for shape in filled if shape.medium is not None]
-    lone_law = media[0].line_law.kind if len(media) == 1 and not media[0].is_chromatic else ""
+    surfaces = [shape.surface for shape in scene.shapes if shape.surface is not None]
+    passes = any(surface.may_be_transparent for surface in surfaces)
+    # What a path has passed through must be remembered along the ray, which only the general flight does.
+    is_lone = len(media) == 1 and not media[0].is_chromatic and not passes
+    lone_law = media[0].line_law.kind if is_lone else ""
     return RenderFeatures(
         solids=frozenset(shape.kind for shape in scene.shapes if isinstance(shape, Solid)),
-        meshes=any(isinstance(shape, Mesh) for shape in scene.shapes),
-        surfaces=any(shape.surface is not None for shape in scene.shapes),
-        shaped_lights=frozenset(
-            light.shape if isinstance(light, AreaLight) else "sphere"
-            for light in scene.lights
-            if isinstance(light, AreaLight | SphereLight)
-        ),
+        meshes=any(isinstance(item, Mesh | MeshInstance | MeshLight) for item in (*scene.shapes, *scene.lights)),
+        instances=any(isinstance(shape, MeshInstance) for shape in scene.shapes),
+        motion=scene.camera.closing is not None or any(_moves(shape) for shape in scene.shapes),
+        surfaces=bool(surfaces),
+        shading=any(not surface.is_matte for surface in surfaces) or any(_has_normals(shape) for shape in scene.shapes),
+        passes=passes,
+        lens=not scene.camera.is_pinhole,
+        shaped_lights=frozenset(_light_kind(light) for light in scene.lights) - {"distant", "dome"},
         distant_lights=any(isinstance(light, DistantLight) for light in scene.lights),
         environment=any(isinstance(light, DomeLight) for light in scene.lights),
+        dome_image=any(isinstance(light, DomeLight) and light.image is not None for light in scene.lights),
+        light_images=any(isinstance(light, AreaLight) and light.image is not None for light in scene.lights),
+        shaping=any(light.shaping is not None for light in scene.lights),
+        links=any(light.link is not None or light.shadow_link is not None for light in scene.lights),
         media=bool(media),
         lone_law=lone_law,
         lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) else "",
@@ -124,6 +156,28 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         aovs=settings.aovs & TRACED_AOVS,
         sampler=settings.sampler,
     )
+
+
+LIGHT_KINDS: dict[type[Light], str] = {
+    DistantLight: "distant",
+    DomeLight: "dome",
+    SphereLight: "sphere",
+    CylinderLight: "cylinder",
+    MeshLight: "mesh",
+}
+
+
+def _light_kind(light: Light) -> str:
+    return light.shape if isinstance(light, AreaLight) else LIGHT_KINDS[type(light)]
+
+
+def _moves(shape: Shape) -> bool:
+    return not isinstance(shape, Mesh) and shape.closing is not None
+
+
+def _has_normals(shape: Shape) -> bool:
+    mesh = shape.mesh if isinstance(shape, MeshInstance) else shape
+    return isinstance(mesh, Mesh) and mesh.surface is not None and mesh.normals is not None
 
 
 def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
@@ -148,11 +202,33 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
         law_why = f"the channels of {_listed(chromatic)} differ in extinction"
     else:
         law_why = f"{_named_all(filled)} are filled with media" if filled else "no shape is filled with a medium"
-    lights = named(AreaLight | SphereLight | DistantLight)
+    dome_images = [light.name for light in scene.lights if isinstance(light, DomeLight) and light.image is not None]
+    shaped = AreaLight | SphereLight | CylinderLight | MeshLight
+    lights = [*named(shaped | DistantLight), *dome_images]
+    moving = [shape.name for shape in scene.shapes if _moves(shape)]
+    if scene.camera.closing is not None:
+        moving.append(scene.camera.name)
     return (
         Reason("spheres, cubes, cylinders", bool(features.solids), _why(named(Solid))),
-        Reason("meshes", features.meshes, _why(named(Mesh))),
+        Reason("meshes", features.meshes, _why(named(Mesh | MeshInstance | MeshLight))),
+        Reason("instances", features.instances, _why(named(MeshInstance))),
+        Reason("motion", features.motion, _why(moving)),
         Reason("surfaces", features.surfaces, _why([s.name for s in scene.shapes if s.surface is not None])),
+        Reason(
+            "surfaces that are more than matte",
+            features.shading,
+            _why(
+                [s.name for s in scene.shapes if _has_normals(s) or (s.surface is not None and not s.surface.is_matte)]
+            ),
+        ),
+        Reason(
+            "surfaces that light passes",
+            features.passes,
+            _why([s.name for s in scene.shapes if s.surface is not None and s.surface.may_be_transparent]),
+        ),
+        Reason(
+            "a camera beyond the pinhole", features.lens, scene.camera.name if features.lens else "nothing needs it"
+        ),
         Reason("media", features.media, _why([shape.name for shape in filled])),
         Reason(f"one law for all flights: {features.lone_law}".removesuffix(": "), bool(features.lone_law), law_why),
         Reason(
@@ -173,9 +249,25 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
         Reason("frozen paths", features.frozen, _why(frozen)),
         Reason("variance of finite segments", features.exact_variance, _why(exact)),
         Reason("connections to lights", features.connections, _why(lights)),
-        Reason("lights with a shape", bool(features.shaped_lights), _why(named(AreaLight | SphereLight))),
+        Reason("lights with a shape", bool(features.shaped_lights), _why(named(shaped))),
         Reason("distant lights", features.distant_lights, _why(named(DistantLight))),
         Reason("environment", features.environment, _why(named(DomeLight))),
+        Reason("environment with an image", features.dome_image, _why(dome_images)),
+        Reason(
+            "images on lights",
+            features.light_images,
+            _why([light.name for light in scene.lights if isinstance(light, AreaLight) and light.image is not None]),
+        ),
+        Reason(
+            "lights that emit unevenly",
+            features.shaping,
+            _why([light.name for light in scene.lights if light.shaping is not None]),
+        ),
+        Reason(
+            "linked lights",
+            features.links,
+            _why([x.name for x in scene.lights if x.link is not None or x.shadow_link is not None]),
+        ),
         *(
             Reason(f"plane: {aov}", aov in features.aovs, "asked for" if aov in features.aovs else "not asked for")
             for aov in Aov

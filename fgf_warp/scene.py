@@ -8,7 +8,7 @@ Rec.709. Matrices are 4x4 float64 that act on column vectors: ``p_world = M @ p_
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
@@ -23,6 +23,7 @@ from fgf_warp.theory.phase import DRAINE_ALPHA_MAX
 
 Rgb = tuple[float, float, float]
 Vec3 = tuple[float, float, float]
+Vec4 = tuple[float, float, float, float]
 Transport = Literal["reciprocal", "renewal", "mixed"]
 TRANSPORTS: tuple[Transport, ...] = ("reciprocal", "renewal", "mixed")
 PhaseFunction = Literal["isotropic", "hg", "two_lobe", "draine"]
@@ -47,18 +48,43 @@ CHANNEL_NAMES = ("red", "green", "blue")
 CUBE_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
+Projection = Literal["perspective", "orthographic"]
+PROJECTIONS: tuple[Projection, ...] = ("perspective", "orthographic")
+ConformPolicy = Literal[
+    "expandAperture", "cropAperture", "adjustApertureWidth", "adjustApertureHeight", "adjustPixelAspectRatio"
+]
+CONFORM_POLICIES: tuple[ConformPolicy, ...] = (
+    "expandAperture",
+    "cropAperture",
+    "adjustApertureWidth",
+    "adjustApertureHeight",
+    "adjustPixelAspectRatio",
+)
+APERTURE_UNIT = 0.1
+"""Of lengths of film and lens [stage unit]: UsdGeom.Camera has them in tenths."""
+
+
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera.
+    """A pinhole, thin-lens or orthographic camera.
 
     Args:
         name: the prim path, for messages.
         camera_to_world: (4, 4) float64; the camera looks along its local -z, with +y up and +x right.
-        focal_length: > 0, in the unit of the apertures.
-        horizontal_aperture: > 0, width of the film.
+        focal_length: > 0 [stage unit / 10].
+        horizontal_aperture: > 0, width of the film [stage unit / 10]; of an orthographic camera, of what it sees.
         vertical_aperture: > 0, height of the film.
-        horizontal_offset: shift of the film to the right, in the unit of the apertures.
+        horizontal_offset: shift of the film to the right [stage unit / 10].
         vertical_offset: shift of the film upwards.
+        projection: ``perspective`` or ``orthographic``.
+        f_stop: focal length over the lens' diameter, >= 0; 0 is a pinhole. Not used by an orthographic camera.
+        focus_distance: from the lens to what is sharp, along the view axis [stage unit], > 0 where f_stop > 0.
+        clipping_range: nearest and farthest distance along the view axis that surfaces and boundaries are seen at
+            directly [stage unit], 0 <= near < far.
+        exposure_scale: > 0, by which radiance is multiplied in the image.
+        conform_policy: what gives way where the image's aspect ratio is not the film's, as UsdRender names it.
+        closing: (4, 4) float64, `camera_to_world` when the shutter closes, between which it moves linearly; None: it
+            rests.
     """
 
     name: str
@@ -68,13 +94,42 @@ class Camera:
     vertical_aperture: float = 15.2908
     horizontal_offset: float = 0.0
     vertical_offset: float = 0.0
+    projection: Projection = "perspective"
+    f_stop: float = 0.0
+    focus_distance: float = 0.0
+    clipping_range: tuple[float, float] = (0.0, math.inf)
+    exposure_scale: float = 1.0
+    conform_policy: ConformPolicy = "expandAperture"
+    closing: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         _check_matrix(self.name, "camera_to_world", self.camera_to_world)
+        if self.closing is not None:
+            _check_matrix(self.name, "closing", self.closing)
+        _check_choice(self.name, "projection", self.projection, PROJECTIONS)
+        _check_choice(self.name, "conform_policy", self.conform_policy, CONFORM_POLICIES)
+        _check_range(self.name, "f_stop", self.f_stop, ">= 0", lambda x: x >= 0)
+        if self.has_lens:
+            _check_range(self.name, "focus_distance", self.focus_distance, "> 0", lambda x: x > 0)
+        _check_range(self.name, "exposure_scale", self.exposure_scale, "> 0", lambda x: x > 0)
+        near, far = self.clipping_range
+        if not 0 <= near < far:
+            raise SceneError(f"{self.name}: clipping_range = ({near:g}, {far:g}); accepted: 0 <= near < far")
         for key in ("focal_length", "horizontal_aperture", "vertical_aperture"):
             _check_range(self.name, key, getattr(self, key), "> 0", lambda x: x > 0)
         for key in ("horizontal_offset", "vertical_offset"):
             _check_range(self.name, key, getattr(self, key), "finite", lambda x: True)
+
+    @property
+    def has_lens(self) -> bool:
+        """True where what is out of focus is blurred."""
+        return self.f_stop > 0 and self.projection == "perspective"
+
+    @property
+    def is_pinhole(self) -> bool:
+        """True where all rays begin in one point and see everything before it."""
+        is_clipped = self.clipping_range != (0.0, math.inf)
+        return self.projection == "perspective" and not (self.has_lens or is_clipped or self.closing is not None)
 
     @property
     def aspect_ratio(self) -> float:
@@ -273,21 +328,165 @@ class Medium:
         return len(set(self.extinction_color)) > 1
 
 
+@dataclass(frozen=True, eq=False)
+class Image:
+    """A picture that textures read.
+
+    Args:
+        name: the asset path, for messages.
+        pixels: (height, width, 4) RGBA, the first row at the top; uint8, where 255 stands for 1, or float32.
+        is_srgb: True where R, G and B are encoded by the transfer function of sRGB (uint8 only), else linear.
+    """
+
+    name: str
+    pixels: np.ndarray
+    is_srgb: bool = False
+
+    def __post_init__(self) -> None:
+        if self.pixels.ndim != 3 or self.pixels.shape[2] != 4 or not self.pixels.size:
+            raise SceneError(f"{self.name}: pixels have the shape {self.pixels.shape}; accepted: (height, width, 4)")
+        if self.pixels.dtype not in (np.uint8, np.float32):
+            raise SceneError(f"{self.name}: pixels are {self.pixels.dtype}; accepted: uint8 and float32")
+        if self.is_srgb and self.pixels.dtype != np.uint8:
+            raise SceneError(f"{self.name}: float32 pixels are linear; accepted: is_srgb of uint8 pixels")
+
+
+Wrap = Literal["black", "clamp", "repeat", "mirror"]
+WRAPS: tuple[Wrap, ...] = ("black", "clamp", "repeat", "mirror")
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """One image, or the tiles of a UDIM set, over the plane of texture coordinates; bilinear.
+
+    Args:
+        tiles: the image of each unit square (u, v) of texture coordinates; of a plain texture {(0, 0): image}.
+        is_udim: True where each tile fills its own square, and nothing is wrapped; elsewhere the fallback is shown.
+        wrap_s: beyond the unit square in s.
+        wrap_t: in t.
+        fallback: RGBA where there is no image or no tile.
+    """
+
+    tiles: Mapping[tuple[int, int], Image]
+    is_udim: bool = False
+    wrap_s: Wrap = "repeat"
+    wrap_t: Wrap = "repeat"
+    fallback: Vec4 = (0.0, 0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        for key, wrap in (("wrap_s", self.wrap_s), ("wrap_t", self.wrap_t)):
+            _check_choice("texture", key, wrap, WRAPS)
+
+
+IDENTITY_ST = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class TextureInput:
+    """A material's input that a texture gives: channels of scale * texel + bias.
+
+    Args:
+        texture: what is read.
+        primvar: name of the texture coordinates; a shape that has none of that name is read at `st`.
+        st: texture coordinates of such shapes.
+        transform: two rows of three, applied to (s, t, 1).
+        channels: ``rgb``, or one of ``r``, ``g``, ``b`` and ``a``.
+        scale: of RGBA.
+        bias: of RGBA.
+    """
+
+    texture: Texture
+    primvar: str = "st"
+    st: tuple[float, float] = (0.0, 0.0)
+    transform: tuple[Vec3, Vec3] = IDENTITY_ST
+    channels: Literal["rgb", "r", "g", "b", "a"] = "rgb"
+    scale: Vec4 = (1.0, 1.0, 1.0, 1.0)
+    bias: Vec4 = (0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class PrimvarInput:
+    """A material's input that varies over the shape.
+
+    Args:
+        primvar: its name.
+        fallback: where a shape has none; one number is meant for all channels.
+    """
+
+    primvar: str
+    fallback: Rgb | float = 0.0
+
+
+ColorInput = Rgb | TextureInput | PrimvarInput
+FloatInput = float | TextureInput | PrimvarInput
+
+
 @dataclass(frozen=True)
 class Surface:
-    """A two-sided diffuse surface that may glow.
+    """A two-sided surface in the parameters of UsdPreviewSurface; as it stands, a grey diffuse one.
+
+    What is transparent lets light through straight, unless it bounds a medium: then light is refracted there.
 
     Args:
         diffuse: reflectance per channel, in [0, 1].
         emission: emitted radiance per channel, >= 0, from both sides.
+        specular: of the specular workflow, reflectance at normal incidence; None is the metallic workflow.
+        metallic: in [0, 1], of the metallic workflow.
+        roughness: in [0, 1]; the square of it is alpha of GGX.
+        clearcoat: weight of a second specular lobe, in [0, 1].
+        clearcoat_roughness: in [0, 1].
+        ior: index of refraction, > 0; at 1, in the metallic workflow, what is no metal has no specular lobe.
+        opacity: in [0, 1].
+        opacity_threshold: in [0, 1]; > 0 makes opacity 0 below it, and 1 from it on.
+        is_presence: True where opacity dims the specular lobe too, not only the diffuse one.
+        normal: of the tangent space, as a texture of [-1, 1]; None is the shape's own.
     """
 
-    diffuse: Rgb = (0.18, 0.18, 0.18)
-    emission: Rgb = BLACK
+    diffuse: ColorInput = (0.18, 0.18, 0.18)
+    emission: ColorInput = BLACK
+    specular: ColorInput | None = None
+    metallic: FloatInput = 0.0
+    roughness: FloatInput = 0.5
+    clearcoat: FloatInput = 0.0
+    clearcoat_roughness: FloatInput = 0.01
+    ior: float = 1.0
+    opacity: FloatInput = 1.0
+    opacity_threshold: float = 0.0
+    is_presence: bool = False
+    normal: TextureInput | None = None
 
     def __post_init__(self) -> None:
-        _check_color("surface", "diffuse", self.diffuse, upper=1.0)
-        _check_color("surface", "emission", self.emission)
+        for key, upper in (("diffuse", 1.0), ("emission", FLOAT32_MAX), ("specular", 1.0)):
+            color = getattr(self, key)
+            if isinstance(color, tuple):
+                _check_color("surface", key, color, upper=upper)
+        for key in ("metallic", "roughness", "clearcoat", "clearcoat_roughness", "opacity", "opacity_threshold"):
+            number = getattr(self, key)
+            if not isinstance(number, TextureInput | PrimvarInput):
+                _check_range("surface", key, number, "in [0, 1]", lambda x: 0 <= x <= 1)
+        _check_range("surface", "ior", self.ior, "> 0", lambda x: x > 0)
+
+    @property
+    def inputs(self) -> tuple[TextureInput | PrimvarInput, ...]:
+        """Those that vary over the shape."""
+        values = (getattr(self, key) for key in self.__dataclass_fields__)
+        return tuple(value for value in values if isinstance(value, TextureInput | PrimvarInput))
+
+    @property
+    def primvars(self) -> frozenset[str]:
+        """Names of what it reads from the shape."""
+        return frozenset(value.primvar for value in self.inputs)
+
+    @property
+    def is_matte(self) -> bool:
+        """True where it is diffuse, opaque, and everywhere the same."""
+        shines = self.ior != 1 or self.specular is not None or self.metallic != 0 or self.clearcoat != 0
+        return not (self.inputs or shines or self.may_be_transparent)
+
+    @property
+    def may_be_transparent(self) -> bool:
+        """True where some light may pass it."""
+        return self.opacity != 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,6 +501,11 @@ class Solid:
         object_to_world: (4, 4) float64, invertible.
         surface: what its surface does to light; None lets light through unchanged (a boundary 'none').
         medium: index into `Scene.media` of what fills it, or None.
+        closing: (4, 4) float64, `object_to_world` when the shutter closes; None: it rests.
+        primvars: name to the value on all of it, (k,) float32.
+        instance: its number in the instancer, or -1.
+        light_links: bit k is set where lights whose `link` is k shine on it.
+        shadow_links: bit k is set where it casts a shadow in the light of those whose `shadow_link` is k.
     """
 
     name: str
@@ -309,14 +513,21 @@ class Solid:
     object_to_world: np.ndarray
     surface: Surface | None = None
     medium: int | None = None
+    closing: np.ndarray | None = None
+    primvars: Mapping[str, np.ndarray] = field(default_factory=dict)
+    instance: int = -1
+    light_links: int = 0
+    shadow_links: int = 0
 
     def __post_init__(self) -> None:
         _check_matrix(self.name, "object_to_world", self.object_to_world)
+        if self.closing is not None:
+            _check_matrix(self.name, "closing", self.closing)
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A triangle mesh in world space.
+    """A triangle mesh: in world space, or in that of its instances.
 
     Args:
         name: the prim path.
@@ -324,6 +535,12 @@ class Mesh:
         triangles: (m, 3) int32 indices into points; counter-clockwise seen from outside.
         surface: as for `Solid`.
         medium: index into `Scene.media`, or None. The mesh must then be closed.
+        normals: (m, 3, 3) float32, unit shading normals at the corners of each triangle; None: the triangles' own.
+        primvars: name to (1, 1, k), (m, 1, k) or (m, 3, k) float32, the values of the whole mesh, of each triangle, or
+            at the corners of each, between which they are interpolated.
+        instance: as for `Solid`.
+        light_links: as for `Solid`.
+        shadow_links: as for `Solid`.
 
     Raises:
         SceneError: for points that are not finite, indices out of range, or a medium in a mesh that is not
@@ -335,6 +552,11 @@ class Mesh:
     triangles: np.ndarray
     surface: Surface | None = None
     medium: int | None = None
+    normals: np.ndarray | None = None
+    primvars: Mapping[str, np.ndarray] = field(default_factory=dict)
+    instance: int = -1
+    light_links: int = 0
+    shadow_links: int = 0
 
     def __post_init__(self) -> None:
         if self.points.ndim != 2 or self.points.shape[1] != 3 or not _is_finite(self.points):
@@ -343,6 +565,15 @@ class Mesh:
             raise SceneError(f"{self.name}: the mesh has no triangles")
         if self.triangles.min() < 0 or self.triangles.max() >= len(self.points):
             raise SceneError(f"{self.name}: face vertex indices must lie in [0, {len(self.points) - 1}]")
+        count = len(self.triangles)
+        if self.normals is not None and (self.normals.shape != (count, 3, 3) or not _is_finite(self.normals)):
+            raise SceneError(f"{self.name}: normals must be a finite ({count}, 3, 3) array")
+        for key, values in self.primvars.items():
+            if values.ndim != 3 or values.shape[:2] not in ((1, 1), (count, 1), (count, 3)):
+                raise SceneError(
+                    f"{self.name}: primvar {key!r} has the shape {values.shape}; accepted: (1, 1, k), ({count}, 1, k) "
+                    f"and ({count}, 3, k)"
+                )
         if self.medium is not None:
             open_edges = count_open_edges(self.points, self.triangles)
             if open_edges:
@@ -352,11 +583,101 @@ class Mesh:
                 )
 
 
-Shape = Solid | Mesh
+@dataclass(frozen=True, eq=False)
+class MeshInstance:
+    """A mesh under an affine transform. Instances share what their meshes share: arrays that are the same object.
+
+    Args:
+        name: the prim path.
+        mesh: in its own space, with the surface and the medium of the instance.
+        object_to_world: (4, 4) float64, invertible.
+        closing: as for `Solid`.
+        instance: as for `Solid`.
+        light_links: as for `Solid`.
+        shadow_links: as for `Solid`.
+    """
+
+    name: str
+    mesh: Mesh
+    object_to_world: np.ndarray
+    closing: np.ndarray | None = None
+    instance: int = -1
+    light_links: int = 0
+    shadow_links: int = 0
+
+    def __post_init__(self) -> None:
+        _check_matrix(self.name, "object_to_world", self.object_to_world)
+        if self.closing is not None:
+            _check_matrix(self.name, "closing", self.closing)
+
+    @property
+    def surface(self) -> Surface | None:
+        """Of its mesh."""
+        return self.mesh.surface
+
+    @property
+    def medium(self) -> int | None:
+        """Of its mesh."""
+        return self.mesh.medium
+
+
+Shape = Solid | Mesh | MeshInstance
+
+
+MAX_LINKS = 32
+"""Sets of shapes that lights may be linked to: a bit each in `Solid.light_links` and its like."""
 
 
 @dataclass(frozen=True)
-class DistantLight:
+class Shaping:
+    """How a light's radiance depends on the direction that it leaves in, as UsdLux.ShapingAPI says.
+
+    Args:
+        axis: unit vector that it is centred around.
+        cone_angle: half the cone's opening, radians in [0, pi]; nothing is emitted beyond.
+        cone_softness: share of the cone's angle over which it fades, in [0, 1].
+        focus: power of the cosine with the axis, >= 0.
+        focus_tint: colour that the light takes on away from the axis, per channel >= 0.
+    """
+
+    axis: Vec3
+    cone_angle: float = math.pi
+    cone_softness: float = 0.0
+    focus: float = 0.0
+    focus_tint: Rgb = BLACK
+
+    def __post_init__(self) -> None:
+        _check_range("shaping", "|axis|", math.hypot(*self.axis), "1", lambda x: abs(x - 1) < 1e-5)
+        _check_range("shaping", "cone_angle", self.cone_angle, "in [0, pi]", lambda x: 0 <= x <= math.pi)
+        _check_range("shaping", "cone_softness", self.cone_softness, "in [0, 1]", lambda x: 0 <= x <= 1)
+        _check_range("shaping", "focus", self.focus, ">= 0", lambda x: x >= 0)
+        _check_color("shaping", "focus_tint", self.focus_tint)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LightSource:
+    """What all lights have, beside a name and a radiance.
+
+    Args:
+        link: it shines only on shapes whose `light_links` have this bit, in [0, 32); None: on all, and on all media.
+        shadow_link: only shapes whose `shadow_links` have this bit cast shadows in its light; None: all do.
+        shaping: None where it emits evenly.
+    """
+
+    link: int | None = None
+    shadow_link: int | None = None
+    shaping: Shaping | None = None
+
+    def _check_source(self, name: str, radiance: Rgb) -> None:
+        _check_color(name, "radiance", radiance)
+        for key in ("link", "shadow_link"):
+            bit = getattr(self, key)
+            if bit is not None and not 0 <= bit < MAX_LINKS:
+                raise SceneError(f"{name}: {key} = {bit}; accepted: in [0, {MAX_LINKS - 1}], or None")
+
+
+@dataclass(frozen=True)
+class DistantLight(LightSource):
     """Light from one direction, or from a cone around it.
 
     Args:
@@ -372,29 +693,34 @@ class DistantLight:
     radiance: Rgb
 
     def __post_init__(self) -> None:
-        _check_color(self.name, "radiance", self.radiance)
+        self._check_source(self.name, self.radiance)
         _check_range(self.name, "half_angle", self.half_angle, "in [0, pi/2]", lambda x: 0 <= x <= math.pi / 2)
         _check_range(self.name, "|direction|", math.hypot(*self.direction), "1", lambda x: abs(x - 1) < 1e-5)
 
 
 @dataclass(frozen=True)
-class DomeLight:
-    """An environment of constant radiance.
+class DomeLight(LightSource):
+    """An environment: of constant radiance, or times an image around the scene.
 
     Args:
         name: the prim path.
         radiance: >= 0 per channel.
+        image: multiplies the radiance: latitude and longitude around the light's y axis, as the format ``latlong`` of
+            UsdLux.DomeLight says; None: constant.
+        light_to_world: (3, 3) rows of numbers, orthogonal: turns the image.
     """
 
     name: str
     radiance: Rgb
+    image: Image | None = None
+    light_to_world: tuple[Vec3, Vec3, Vec3] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
     def __post_init__(self) -> None:
-        _check_color(self.name, "radiance", self.radiance)
+        self._check_source(self.name, self.radiance)
 
 
 @dataclass(frozen=True)
-class AreaLight:
+class AreaLight(LightSource):
     """A flat light that emits to the side of ``cross(half_u, half_v)`` and is black behind.
 
     Args:
@@ -404,6 +730,9 @@ class AreaLight:
         half_u: from the center to the middle of one side.
         half_v: from the center to the middle of the next side.
         radiance: >= 0 per channel.
+        image: multiplies the radiance of a rect; None: even.
+        image_axes: of the rect's (half_u, half_v) coordinates (a, b) in [-1, 1]^2 the image's s and t: two rows of
+            three, applied to (a, b, 1).
     """
 
     name: str
@@ -412,9 +741,11 @@ class AreaLight:
     half_u: Vec3
     half_v: Vec3
     radiance: Rgb
+    image: Image | None = None
+    image_axes: tuple[Vec3, Vec3] = ((0.5, 0.0, 0.5), (0.0, 0.5, 0.5))
 
     def __post_init__(self) -> None:
-        _check_color(self.name, "radiance", self.radiance)
+        self._check_source(self.name, self.radiance)
         for key in ("center", "half_u", "half_v"):
             _check_vector(self.name, key, getattr(self, key))
         _check_range(self.name, "area", self.area, "> 0", lambda x: x > 0)
@@ -427,7 +758,7 @@ class AreaLight:
 
 
 @dataclass(frozen=True)
-class SphereLight:
+class SphereLight(LightSource):
     """A sphere that emits outwards.
 
     Args:
@@ -443,12 +774,70 @@ class SphereLight:
     radiance: Rgb
 
     def __post_init__(self) -> None:
-        _check_color(self.name, "radiance", self.radiance)
+        self._check_source(self.name, self.radiance)
         _check_vector(self.name, "center", self.center)
         _check_range(self.name, "radius", self.radius, "> 0", lambda x: x > 0)
 
 
-Light = DistantLight | DomeLight | AreaLight | SphereLight
+@dataclass(frozen=True)
+class CylinderLight(LightSource):
+    """A round tube without caps that emits outwards.
+
+    Args:
+        name: the prim path.
+        center: [stage unit].
+        half_axis: from the center to the middle of one end.
+        radius: > 0.
+        radiance: >= 0 per channel.
+    """
+
+    name: str
+    center: Vec3
+    half_axis: Vec3
+    radius: float
+    radiance: Rgb
+
+    def __post_init__(self) -> None:
+        self._check_source(self.name, self.radiance)
+        _check_vector(self.name, "center", self.center)
+        _check_vector(self.name, "half_axis", self.half_axis)
+        _check_range(self.name, "length", math.hypot(*self.half_axis), "> 0", lambda x: x > 0)
+        _check_range(self.name, "radius", self.radius, "> 0", lambda x: x > 0)
+
+
+@dataclass(frozen=True, eq=False)
+class MeshLight(LightSource):
+    """Triangles that emit to their front; they are not seen as a shape beside it, and block light as one.
+
+    Args:
+        name: the prim path.
+        corners: (m, 3, 3) float64, in world space, counter-clockwise seen from the side that emits.
+        radiance: >= 0 per channel.
+    """
+
+    name: str
+    corners: np.ndarray
+    radiance: Rgb
+
+    def __post_init__(self) -> None:
+        self._check_source(self.name, self.radiance)
+        if self.corners.ndim != 3 or self.corners.shape[1:] != (3, 3) or not _is_finite(self.corners):
+            raise SceneError(f"{self.name}: corners must be a finite (m, 3, 3) array")
+        _check_range(self.name, "area", self.area, "> 0", lambda x: x > 0)
+
+    @property
+    def areas(self) -> np.ndarray:
+        """(m,) float64 [stage unit^2], of each triangle."""
+        a, b, c = (self.corners[:, corner] for corner in range(3))
+        return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+    @property
+    def area(self) -> float:
+        """[stage unit^2]."""
+        return float(self.areas.sum())
+
+
+Light = DistantLight | DomeLight | AreaLight | SphereLight | CylinderLight | MeshLight
 
 
 @dataclass(frozen=True, eq=False)
@@ -553,7 +942,7 @@ class Scene:
 
 def shape_widths(shape: Shape) -> tuple[float, float]:
     """The least width of a shape, and a length that no segment in it exceeds; of a mesh those of its bounding box."""
-    if isinstance(shape, Mesh):
+    if not isinstance(shape, Solid):
         low, high = shape_bounds(shape)
         return float((high - low).min()), float(np.linalg.norm(high - low))
     matrix = shape.object_to_world[:3, :3]
@@ -564,10 +953,16 @@ def shape_widths(shape: Shape) -> tuple[float, float]:
 
 def shape_bounds(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest corner, (3,) each, of a box that holds the shape; not tight for a turned round solid."""
-    if isinstance(shape, Solid):
-        points = CUBE_CORNERS @ shape.object_to_world[:3, :3].T + shape.object_to_world[:3, 3]
-    else:
+    if isinstance(shape, Mesh):
         points = shape.points[np.unique(shape.triangles)]
+        return points.min(axis=0), points.max(axis=0)
+    if isinstance(shape, MeshInstance):
+        low, high = shape_bounds(shape.mesh)
+        corners = (low + high) / 2 + CUBE_CORNERS * (high - low) / 2
+    else:
+        corners = CUBE_CORNERS
+    matrices = [shape.object_to_world] + ([] if shape.closing is None else [shape.closing])
+    points = np.concatenate([corners @ matrix[:3, :3].T + matrix[:3, 3] for matrix in matrices])
     return points.min(axis=0), points.max(axis=0)
 
 
@@ -602,6 +997,11 @@ def _check_range(name: str, key: str, value: float, accepted: str, holds: Callab
         raise SceneError(
             f"{name}: {key} = {_shown(value)}; accepted: {accepted}, and at most {FLOAT32_MAX:.3g} in size"
         )
+
+
+def _check_choice(name: str, key: str, value: str, accepted: Sequence[str]) -> None:
+    if value not in accepted:
+        raise SceneError(f"{name}: {key} = {value!r}; accepted: {', '.join(accepted)}")
 
 
 def _check_color(name: str, key: str, color: Sequence[float], upper: float = FLOAT32_MAX) -> None:

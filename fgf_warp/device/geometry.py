@@ -37,6 +37,11 @@ class Hit:
     item: int
     normal: wp.vec3
     """Unit outward normal of a surface or light; not set for a boundary."""
+    face: int
+    """Of a triangle: its number in its mesh; -1 on a solid. Set where the scene has shading or mesh lights."""
+    u: float
+    v: float
+    """Of a triangle: weights of its second and third corners."""
 
 
 @wp.struct
@@ -51,6 +56,12 @@ class Start:
     """The container last crossed on this ray, or -1."""
     slack: float
     """How far the ray's origin may be from where it should be, across a face."""
+    passed: float
+    """Distance of the surface last passed on this ray: surfaces up to it are not met; 0 at the ray's origin."""
+    time: float
+    """In [0, 1): from the opening of the shutter to its closing."""
+    casters: wp.uint32
+    """Of a connection to a light whose shadows some shapes cast: its bit; 0: all cast them."""
 
 
 @wp.struct
