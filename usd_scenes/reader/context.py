@@ -17,28 +17,61 @@ class StageContext:
 
     Args:
         stage: the open stage; it must outlive the prims that are read.
-        time: where attributes are sampled.
+        time: where attributes other than transforms are sampled.
         purposes: of the geometry that is read.
+        shutter: times at which the shutter opens and closes, where transforms are sampled; None: both at `time`.
+        refinement: levels of subdivision, >= 0.
+        strict: True where what is missing is an error instead of a warning.
         notes: collects warnings.
     """
 
     stage: Usd.Stage
     time: Usd.TimeCode
     purposes: frozenset[str]
+    shutter: tuple[Usd.TimeCode, Usd.TimeCode] | None = None
+    refinement: int = 2
+    strict: bool = False
     notes: Notes = field(default_factory=Notes)
-    _transforms: UsdGeom.XformCache = field(init=False)
+    _opening: UsdGeom.XformCache = field(init=False)
+    _closing: UsdGeom.XformCache = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_transforms", UsdGeom.XformCache(self.time))
+        opening, closing = self.shutter or (self.time, self.time)
+        object.__setattr__(self, "_opening", UsdGeom.XformCache(opening))
+        object.__setattr__(self, "_closing", UsdGeom.XformCache(closing))
+
+    def note_missing(self, text: str, path: object) -> None:
+        """Notes that something is not there, or refuses the stage where it is to be read strictly.
+
+        Raises:
+            SceneError: where `strict`.
+        """
+        if self.strict:
+            raise SceneError(f"{path}: {text}")
+        self.notes.add(text, path)
 
     def local_to_world(self, prim: Usd.Prim) -> np.ndarray:
-        """(4, 4) float64 that acts on column vectors; USD's own matrices act on row vectors.
+        """(4, 4) float64 that acts on column vectors, when the shutter opens; USD's own matrices act on row vectors.
 
         Raises:
             SceneError: for a transform that is not finite or that USD cannot make sense of.
         """
+        return self._matrix(self._opening, prim)
+
+    def closing_to_world(self, prim: Usd.Prim) -> np.ndarray | None:
+        """The same when the shutter closes; None where the prim rests until then.
+
+        Raises:
+            SceneError: as for `local_to_world`.
+        """
+        if self.shutter is None or self.shutter[0] == self.shutter[1]:
+            return None
+        closing = self._matrix(self._closing, prim)
+        return None if np.array_equal(closing, self.local_to_world(prim)) else closing
+
+    def _matrix(self, transforms: UsdGeom.XformCache, prim: Usd.Prim) -> np.ndarray:
         try:
-            matrix = np.array(self._transforms.GetLocalToWorldTransform(prim)).T
+            matrix = np.array(transforms.GetLocalToWorldTransform(prim)).T
         except Tf.ErrorException as error:
             raise SceneError(f"{prim.GetPath()}.xformOpOrder: {error.args[0].commentary.strip()}") from None
         if not np.isfinite(matrix).all():
