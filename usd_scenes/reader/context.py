@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
-from fgf_warp.errors import SceneError
+from fgf_warp.errors import FgfError, SceneError
 from usd_scenes.reader.notes import Notes
 
 
@@ -23,6 +25,7 @@ class StageContext:
         refinement: levels of subdivision, >= 0.
         strict: True where what is missing is an error instead of a warning.
         notes: collects warnings.
+        refusals: collects errors, so that all of a stage's are found; None: the first one is raised.
     """
 
     stage: Usd.Stage
@@ -32,6 +35,7 @@ class StageContext:
     refinement: int = 2
     strict: bool = False
     notes: Notes = field(default_factory=Notes)
+    refusals: list[FgfError] | None = None
     _opening: UsdGeom.XformCache = field(init=False)
     _closing: UsdGeom.XformCache = field(init=False)
 
@@ -39,6 +43,16 @@ class StageContext:
         opening, closing = self.shutter or (self.time, self.time)
         object.__setattr__(self, "_opening", UsdGeom.XformCache(opening))
         object.__setattr__(self, "_closing", UsdGeom.XformCache(closing))
+
+    @contextmanager
+    def going_on(self) -> Iterator[None]:
+        """Keeps an error of what is read inside for `refusals`, where errors are collected."""
+        try:
+            yield
+        except (FgfError, Tf.ErrorException) as error:
+            if self.refusals is None:
+                raise
+            self.refusals.append(error if isinstance(error, FgfError) else SceneError(str(error)))
 
     def note_missing(self, text: str, path: object) -> None:
         """Notes that something is not there, or refuses the stage where it is to be read strictly.

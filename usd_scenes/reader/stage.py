@@ -9,8 +9,8 @@ from pathlib import Path
 
 from pxr import Tf, Usd, UsdGeom, UsdShade, UsdSkel
 
-from fgf_warp.errors import SceneError
-from fgf_warp.scene import Light, Scene, Shape
+from fgf_warp.errors import FgfError, SceneError
+from fgf_warp.scene import Camera, Light, Medium, Scene, Shape
 from usd_scenes import schema
 from usd_scenes.reader.camera import choose_camera, default_camera, read_camera
 from usd_scenes.reader.context import StageContext
@@ -24,9 +24,10 @@ from usd_scenes.reader.geometry import SOLID_READERS
 from usd_scenes.reader.lights import DEFAULT_DOME, is_light, read_light
 from usd_scenes.reader.materials import MaterialReader
 from usd_scenes.reader.mesh import read_mesh
-from usd_scenes.reader.settings import read_settings
+from usd_scenes.reader.settings import StageSettings, read_settings
 
 PURPOSES = ("default", "render", "proxy", "guide")
+DEFAULT_PURPOSES = frozenset({"default", "render"})
 CONTAINERS = ("SkelRoot",)
 """Boundable prims that draw nothing of their own."""
 
@@ -44,6 +45,25 @@ class StageReading:
     scene: Scene
     resolution: tuple[int, int] | None
     warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class StageSurvey:
+    """What of a stage can be read, whatever is refused.
+
+    Args:
+        shapes: those that are accepted.
+        media: that they are filled with.
+        lights: those that are accepted, or the default dome.
+        camera: the one that is taken where none is asked for, or None where it is refused.
+        refusals: for what reading would stop.
+    """
+
+    shapes: tuple[Shape, ...]
+    media: tuple[Medium, ...]
+    lights: tuple[Light, ...]
+    camera: Camera | None
+    refusals: tuple[FgfError, ...]
 
 
 def read_scene(
@@ -87,6 +107,30 @@ def read_stage(
         return _read(stage, source, camera, frame, purposes, trap)
 
 
+def survey_stage(stage: Usd.Stage) -> StageSurvey:
+    """Reads what of an open stage can be read, and collects what is refused."""
+    schema.register()
+    refusals: list[FgfError] = []
+    context = stage_context(stage, refusals=refusals)
+    materials = MaterialReader(context)
+    settings, camera = StageSettings(), None
+    shapes, lights = _read_prims(context, materials)
+    with context.going_on():
+        _meters_per_unit(stage)
+    with context.going_on():
+        settings = read_settings(context)
+    with context.going_on():
+        prim = choose_camera(context, None, settings.camera)
+        camera = read_camera(prim, context) if prim else default_camera(shapes, context.up_axis)
+        Scene(camera=camera, shapes=tuple(shapes), media=materials.media)
+    return StageSurvey(tuple(shapes), materials.media, tuple(lights) or (DEFAULT_DOME,), camera, tuple(refusals))
+
+
+def stage_context(stage: Usd.Stage, refusals: list[FgfError] | None = None) -> StageContext:
+    """What `read_stage` reads a stage in where nothing is asked for."""
+    return StageContext(stage=stage, time=_time_code(stage, None), purposes=DEFAULT_PURPOSES, refusals=refusals)
+
+
 def _read(
     stage: Usd.Stage,
     source: str,
@@ -124,15 +168,16 @@ def _read_prims(context: StageContext, materials: MaterialReader) -> tuple[list[
     shapes: list[Shape | None] = []
     lights: list[Light | None] = []
     for prim in _visible_prims(context):
-        _note_misplaced(prim, context)
-        if is_light(prim):
-            lights.append(read_light(prim, context))
-        if prim.GetTypeName() in SOLID_READERS and _has_purpose(prim, context):
-            shapes.append(SOLID_READERS[prim.GetTypeName()](prim, context, materials.look_of(prim)))
-        elif prim.IsA(UsdGeom.Mesh) and _has_purpose(prim, context):
-            shapes.append(read_mesh(prim, context, materials.look_of(prim)))
-        elif _is_unsupported(prim) and _has_purpose(prim, context):
-            context.notes.add(f"{prim.GetTypeName()} is not supported and is left out", prim.GetPath())
+        with context.going_on():
+            _note_misplaced(prim, context)
+            if is_light(prim):
+                lights.append(read_light(prim, context))
+            if prim.GetTypeName() in SOLID_READERS and _has_purpose(prim, context):
+                shapes.append(SOLID_READERS[prim.GetTypeName()](prim, context, materials.look_of(prim)))
+            elif prim.IsA(UsdGeom.Mesh) and _has_purpose(prim, context):
+                shapes.append(read_mesh(prim, context, materials.look_of(prim)))
+            elif _is_unsupported(prim) and _has_purpose(prim, context):
+                context.notes.add(f"{prim.GetTypeName()} is not supported and is left out", prim.GetPath())
     return [shape for shape in shapes if shape], [light for light in lights if light]
 
 
