@@ -51,7 +51,7 @@ def _refusal(stage: Usd.Stage, problem: FgfError) -> UsdValidation.ValidationErr
 def _count(stage: Usd.Stage, survey: StageSurvey) -> Errors:
     count = sum(shape.medium is not None for shape in survey.shapes)
     if count > MAX_CONTAINERS:
-        text = f"{count} shapes are filled with media, of instances each; accepted: at most {MAX_CONTAINERS}"
+        text = f"{count} shapes are filled with media, each instance by itself; accepted: at most {MAX_CONTAINERS}"
         yield error("TooManyFilledShapes", stage.GetPseudoRoot(), text)
 
 
@@ -122,7 +122,7 @@ def _camera(
 ) -> Errors:
     prim = _prim(stage, camera.name)
     if around not in lit:
-        yield warning("UnlitCamera", prim, f"no light reaches the camera {_behind(around)}")
+        yield warning("UnlitCamera", prim, f"no light reaches the camera, {_behind(around)}")
     for shape in survey.shapes:
         if shape.medium is not None and not is_opaque(shape) and encloses(shape, camera.position):
             text = f"the camera is inside {shape.name}, filled with {survey.media[shape.medium].name}"
@@ -133,7 +133,7 @@ def _lights(stage: Usd.Stage, lights: Sequence[Light], walls: Walls, seen: Compa
     for light in lights:
         if hiding := compartment_of(light, walls) - seen:
             yield warning(
-                "EnclosedLight", _prim(stage, light.name), f"the camera sees no light of it {_behind(hiding)}"
+                "EnclosedLight", _prim(stage, light.name), f"the camera sees no light of it, {_behind(hiding)}"
             )
 
 
@@ -142,7 +142,7 @@ def _unlit(stage: Usd.Stage, survey: StageSurvey, walls: Walls, lit: set[Compart
         filled = [shape for shape in survey.shapes if shape.medium == index and not is_opaque(shape)]
         arounds = [compartments_of(shape, walls) for shape in filled]
         if arounds and not any(around & lit for around in arounds):
-            text = f"no light reaches the medium in {filled[0].name} {_behind(min(arounds[0], key=len))}"
+            text = f"no light reaches the medium in {filled[0].name}, {_behind(min(arounds[0], key=len))}"
             yield warning("UnlitMedium", _prim(stage, medium.name), text)
 
 
