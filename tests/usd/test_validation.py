@@ -183,7 +183,7 @@ def test_usds_own_rules_are_among_them(find) -> None:
 
 
 def test_what_is_no_stage_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match="Expected"):
+    with pytest.raises(SceneError, match="stage"):
         validate_stage(write(tmp_path, "#usda 1.0\ndef Sphere {"))
     with pytest.raises(SceneError, match="no such file"):
         validate_stage(tmp_path / "none.usda")

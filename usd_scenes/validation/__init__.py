@@ -1,7 +1,7 @@
 """Finds all that is wrong with a stage, by USD's own validators and by those of FGF-Warp.
 
 The latter are a plugin of USD's validation (`plugInfo.json`, keyword ``FgfValidators``): USD imports this module when
-one of them is asked for, so that other programs may run them too, with this folder in PXR_PLUGINPATH_NAME.
+one of them is asked for. Other programs may run them too, with this folder and the schema's in PXR_PLUGINPATH_NAME.
 """
 
 from __future__ import annotations
