@@ -11,18 +11,13 @@ import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom
 
-from fgf_warp.errors import FgfError, SceneError, UnsupportedFeatureError
-from fgf_warp.scene import count_open_edges, shape_bounds
+from fgf_warp.errors import SceneError, UnsupportedFeatureError
+from fgf_warp.scene import count_open_edges
 from tests.usd.prims import CAMERA, HEADER
 from usd_scenes.library import STAGES, stage_names, stage_path, trefoil_tube
 from usd_scenes.reader import read_scene, read_stage
 from usd_scenes.reader.bounds import scene_bounds
 from usd_scenes.reader.triangulation import signed_volume, triangulate
-
-ASSETS = Path(__file__).parents[3] / "shared" / "usd_assets"
-SUFFIXES = {".usd", ".usda", ".usdc", ".usdz"}
-ASSET_FILES = sorted(path for path in ASSETS.rglob("*") if path.suffix in SUFFIXES) if ASSETS.is_dir() else []
-
 
 # Cameras
 
@@ -425,35 +420,6 @@ def test_the_trefoil_is_closed_and_faces_outwards() -> None:
     spine = np.column_stack([np.sin(t) + 2 * np.sin(2 * t), np.cos(t) - 2 * np.cos(2 * t), -np.sin(3 * t)])
     length = np.linalg.norm(np.diff(spine, axis=0), axis=1).sum()
     assert signed_volume(points, triangles) == pytest.approx(np.pi * 0.35**2 * length, rel=0.05)
-
-
-@pytest.mark.skipif(not ASSET_FILES, reason="the third-party stages of ../shared/usd_assets are not on this machine")
-@pytest.mark.parametrize("path", ASSET_FILES, ids=lambda path: path.name)
-def test_stages_of_others_are_read_or_refused_by_name(path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    try:
-        reading = read_scene(path)
-    except FgfError as error:
-        assert str(path) in str(error)
-    else:
-        assert reading.scene.lights
-    assert capfd.readouterr() == ("", "")
-
-
-@pytest.mark.parametrize("name", ["instancedCubes", "instancedCubes2", "nestedInstancedCubes"])
-def test_instancing_is_of_no_effect_on_what_is_seen(name: str) -> None:
-    folder = ASSETS / "PixarAnimationStudios__OpenUSD/pxr/usdImaging/usdImagingGL/testenv/testUsdImagingGLInstancing"
-    if not folder.is_dir():
-        pytest.skip("the third-party stages of ../shared/usd_assets are not on this machine")
-    stage = Usd.Stage.Open(str(folder / f"{name}.usda"))
-    instanced = read_stage(stage).scene
-    while instances := [prim for prim in stage.Traverse() if prim.IsInstance()]:
-        for prim in instances:
-            prim.SetInstanceable(False)
-    plain = read_stage(stage).scene
-    assert len(instanced.shapes) == len(plain.shapes) > 1
-    for one, other in zip(instanced.shapes, plain.shapes, strict=True):
-        assert (one.name, one.surface) == (other.name, other.surface)
-        np.testing.assert_array_equal(shape_bounds(one), shape_bounds(other))
 
 
 def test_reading_imports_no_renderer() -> None:
