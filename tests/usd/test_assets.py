@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from itertools import product
@@ -14,12 +12,10 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
 
-from fgf_warp.errors import FgfError
 from fgf_warp.renderer import render
-from fgf_warp.scene import Scene, shape_bounds
+from fgf_warp.scene import shape_bounds
 from fgf_warp.settings import RenderSettings
 from generators.stage import image_size
-from tests.usd.one_kernel import share_one_kernel
 from usd_scenes.reader import StageReading, read_scene, read_stage
 
 ASSETS = Path(__file__).parents[3] / "shared" / "usd_assets"
@@ -36,19 +32,6 @@ pytestmark = pytest.mark.skipif(not FILES, reason="the third-party stages of ../
 @cache
 def reading_of(path: Path) -> StageReading:
     return read_scene(path)
-
-
-def accepted_scenes() -> Iterator[Scene]:
-    for path in FILES:
-        with suppress(FgfError):
-            yield reading_of(path).scene
-
-
-@pytest.fixture(scope="module")
-def one_kernel() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        share_one_kernel(accepted_scenes(), SETTINGS, monkeypatch)
-        yield
 
 
 def short(path: Path) -> str:
