@@ -387,7 +387,7 @@ class TextureInput:
 
     Args:
         texture: what is read.
-        primvar: name of the texture coordinates; a shape that has none of that name is read at `st`.
+        primvar: name of the texture coordinates, empty for none; a shape that has none of that name is read at `st`.
         st: texture coordinates of such shapes.
         transform: two rows of three, applied to (s, t, 1).
         channels: ``rgb``, or one of ``r``, ``g``, ``b`` and ``a``.
@@ -475,7 +475,7 @@ class Surface:
     @property
     def primvars(self) -> frozenset[str]:
         """Names of what it reads from the shape."""
-        return frozenset(value.primvar for value in self.inputs)
+        return frozenset(value.primvar for value in self.inputs if value.primvar)
 
     @property
     def is_matte(self) -> bool:

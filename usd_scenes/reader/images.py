@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import OpenImageIO
+import OpenImageIO as oiio  # noqa: N813 - the name that its own documentation uses
 from pxr import Ar
 
 from fgf_warp.errors import SceneError
@@ -18,7 +18,7 @@ ColorSpace = Literal["auto", "raw", "sRGB"]
 COLOR_SPACES: tuple[ColorSpace, ...] = ("auto", "raw", "sRGB")
 WRAPS_OF_FILES: dict[str, Wrap] = {"black": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
 """OpenImageIO's names of wrap modes in the metadata of files."""
-STRAIGHT_ALPHA = OpenImageIO.ImageSpec()
+STRAIGHT_ALPHA = oiio.ImageSpec()
 STRAIGHT_ALPHA.attribute("oiio:UnassociatedAlpha", 1)
 """Leaves colors as files hold them, where OpenImageIO would multiply them by alpha."""
 
@@ -80,13 +80,13 @@ def _read(path: str, color_space: ColorSpace) -> ImageFile:
 
 
 def _decoded(file: str, name: str, color_space: ColorSpace) -> ImageFile:
-    reader = OpenImageIO.ImageInput.open(file, STRAIGHT_ALPHA)
+    reader = oiio.ImageInput.open(file, STRAIGHT_ALPHA)
     if reader is None:
-        raise SceneError(f"it is no picture that can be read: {_first_line(OpenImageIO.geterror())}")
+        raise SceneError(f"it is no picture that can be read: {_first_line(oiio.geterror())}")
     try:
         spec = reader.spec()
-        is_8_bit = spec.format == OpenImageIO.UINT8
-        pixels = _pixels(reader, spec, OpenImageIO.UINT8 if is_8_bit else OpenImageIO.FLOAT)
+        is_8_bit = spec.format == oiio.UINT8
+        pixels = _pixels(reader, spec, oiio.UINT8 if is_8_bit else oiio.FLOAT)
     finally:
         reader.close()
     is_encoded = color_space == "sRGB" or (color_space == "auto" and is_8_bit and spec.nchannels >= 3)
@@ -98,14 +98,14 @@ def _decoded(file: str, name: str, color_space: ColorSpace) -> ImageFile:
     return ImageFile(Image(name, rgba, is_srgb=is_8_bit and is_encoded), is_encoded, _wraps(spec))
 
 
-def _pixels(reader: OpenImageIO.ImageInput, spec: OpenImageIO.ImageSpec, kind: OpenImageIO.BASETYPE) -> np.ndarray:
+def _pixels(reader: oiio.ImageInput, spec: oiio.ImageSpec, kind: oiio.BASETYPE) -> np.ndarray:
     """(height, width, channels) of the display window; black where the file holds no pixels of it."""
     try:
         pixels = reader.read_image(0, 0, 0, spec.nchannels, kind)
         if pixels is None:
             raise SceneError(f"it is damaged: {_first_line(reader.geterror())}")
         if spec.roi != spec.roi_full:
-            part = OpenImageIO.ImageBuf(spec)
+            part = oiio.ImageBuf(spec)
             part.set_pixels(spec.roi, pixels)
             pixels = part.get_pixels(kind, spec.roi_full)
     except MemoryError:
@@ -130,7 +130,7 @@ def _decode_srgb(encoded: np.ndarray) -> np.ndarray:
     return np.where(encoded <= 0.04045, encoded / 12.92, steep)
 
 
-def _wraps(spec: OpenImageIO.ImageSpec) -> tuple[Wrap | None, Wrap | None]:
+def _wraps(spec: oiio.ImageSpec) -> tuple[Wrap | None, Wrap | None]:
     s, _, t = (spec.getattribute("wrapmodes") or "").partition(",")
     return WRAPS_OF_FILES.get(s), WRAPS_OF_FILES.get(t or s)
 
