@@ -323,6 +323,17 @@ class Medium:
         return self.transport == "mixed" and any(not law.is_exponential for law in self.channel_laws)
 
     @property
+    def mean_cosine(self) -> float:
+        """Of the angle by which the phase function scatters; Draine's follows from the moments of Henyey-Greenstein.
+
+        The mean of P_n(cos) of Henyey-Greenstein is g^n, so that of cos^2 is (1 + 2 g^2) / 3 and that of cos^3 is
+        (3 g + 2 g^3) / 5.
+        """
+        g, alpha = self.asymmetry, self.draine_alpha
+        first = g * (1 + alpha * (3 + 2 * g**2) / 5) / (1 + alpha * (1 + 2 * g**2) / 3)
+        return (1 - self.back_weight) * first + self.back_weight * self.back_asymmetry
+
+    @property
     def is_chromatic(self) -> bool:
         """True where the channels differ in extinction."""
         return len(set(self.extinction_color)) > 1

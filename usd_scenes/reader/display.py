@@ -27,9 +27,7 @@ def display_surface(prim: Usd.Prim, context: StageContext) -> Surface:
     return Surface(**found)
 
 
-def _display_input(
-    shape: Usd.Prim, name: str, width: int, context: StageContext
-) -> PrimvarInput | Rgb | float | None:
+def _display_input(shape: Usd.Prim, name: str, width: int, context: StageContext) -> PrimvarInput | Rgb | float | None:
     """A primvar's value, or the primvar where it varies over a mesh; None where there is none."""
     primvar = UsdGeom.PrimvarsAPI(shape).FindPrimvarWithInheritance(name)
     if not primvar or not len(values := _values(primvar, width, context)):
