@@ -39,6 +39,7 @@ def load_scene(
     purposes: Sequence[str] = DEFAULT_PURPOSES,
     width: int | None = None,
     height: int | None = None,
+    strict: bool = False,
 ) -> BaseScene:
     """Reads a USD stage.
 
@@ -50,6 +51,7 @@ def load_scene(
         purposes: of the geometry to include.
         width: [pixel]; see `image_size`.
         height: [pixel].
+        strict: True refuses a stage of which something is missing, such as a texture, in place of a warning.
 
     Raises:
         SceneError: for a missing, broken or unsuitable stage.
@@ -59,7 +61,7 @@ def load_scene(
         raise SceneError(f"{path}: there is no such stage")
     from usd_scenes.reader import read_scene  # noqa: PLC0415 - USD is slow to import
 
-    reading = read_scene(path, camera=camera, frame=frame, purposes=tuple(purposes))
+    reading = read_scene(path, camera=camera, frame=frame, purposes=tuple(purposes), strict=strict)
     size = image_size(reading.scene.camera, reading.resolution, width, height)
     return BaseScene(reading.scene, *size, tuple(reading.warnings))
 

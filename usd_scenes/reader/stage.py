@@ -52,6 +52,7 @@ def read_scene(
     camera: str | None = None,
     frame: float | None = None,
     purposes: Sequence[str] = ("default", "render"),
+    strict: bool = False,
 ) -> StageReading:
     """Reads a USD file, and so validates it.
 
@@ -62,6 +63,7 @@ def read_scene(
         frame: time code at which attributes are sampled; None takes the stage's authored start, else each
             attribute's earliest sample.
         purposes: which geometry to read, of ``default``, ``render``, ``proxy`` and ``guide``.
+        strict: True refuses a stage of which something is missing, such as a texture, in place of a warning.
 
     Raises:
         SceneError: naming file, prim, attribute, the value found and what is accepted.
@@ -69,7 +71,7 @@ def read_scene(
     """
     schema.register()
     with usd_errors_as_scene_errors(str(path)) as trap:
-        return _read(open_stage(Path(path)), str(path), camera, frame, purposes, trap)
+        return _read(open_stage(Path(path)), str(path), camera, frame, purposes, strict, trap)
 
 
 def read_stage(
@@ -78,13 +80,14 @@ def read_stage(
     camera: str | None = None,
     frame: float | None = None,
     purposes: Sequence[str] = ("default", "render"),
+    strict: bool = False,
 ) -> StageReading:
     """Reads a stage that is open already; otherwise as `read_scene`."""
     schema.register()
     layer = stage.GetRootLayer()
     source = (layer.GetDisplayName() if layer.anonymous else layer.identifier) or "stage"
     with usd_errors_as_scene_errors(source) as trap:
-        return _read(stage, source, camera, frame, purposes, trap)
+        return _read(stage, source, camera, frame, purposes, strict, trap)
 
 
 def _read(
@@ -93,10 +96,11 @@ def _read(
     camera: str | None,
     frame: float | None,
     purposes: Sequence[str],
+    strict: bool,
     trap: Tf.DiagnosticTrap,
 ) -> StageReading:
     refuse_composition_errors(stage)
-    context = StageContext(stage=stage, time=_time_code(stage, frame), purposes=_checked(purposes))
+    context = StageContext(stage=stage, time=_time_code(stage, frame), purposes=_checked(purposes), strict=strict)
     settings = read_settings(context)
     camera_prim = choose_camera(context, camera, settings.camera)
     materials = MaterialReader(context)
