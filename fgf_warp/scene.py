@@ -83,6 +83,7 @@ class Camera:
             directly [stage unit], 0 <= near < far.
         exposure_scale: > 0, by which radiance is multiplied in the image.
         conform_policy: what gives way where the image's aspect ratio is not the film's, as UsdRender names it.
+        pixel_aspect_ratio: width of a pixel over its height, > 0; of no use to ``adjustPixelAspectRatio``.
         closing: (4, 4) float64, `camera_to_world` when the shutter closes, between which it moves linearly; None: it
             rests.
     """
@@ -100,6 +101,7 @@ class Camera:
     clipping_range: tuple[float, float] = (0.0, math.inf)
     exposure_scale: float = 1.0
     conform_policy: ConformPolicy = "expandAperture"
+    pixel_aspect_ratio: float = 1.0
     closing: np.ndarray | None = None
 
     def __post_init__(self) -> None:
@@ -112,6 +114,7 @@ class Camera:
         if self.has_lens:
             _check_range(self.name, "focus_distance", self.focus_distance, "> 0", lambda x: x > 0)
         _check_range(self.name, "exposure_scale", self.exposure_scale, "> 0", lambda x: x > 0)
+        _check_range(self.name, "pixel_aspect_ratio", self.pixel_aspect_ratio, "> 0", lambda x: x > 0)
         near, far = self.clipping_range
         if not 0 <= near < far:
             raise SceneError(f"{self.name}: clipping_range = ({near:g}, {far:g}); accepted: 0 <= near < far")
