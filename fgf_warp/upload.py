@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.bvh import build_wide_tree
-from fgf_warp.device import bvh, geometry, law, lights, medium, phase, surfaces, tables
+from fgf_warp.device import bvh, geometry, law, lights, medium, numerics, phase, surfaces, tables
 from fgf_warp.device import camera as camera_device
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import LAW_KINDS, LIGHT_KINDS, SOLID_KINDS, Limits, SceneData
@@ -25,6 +25,7 @@ from fgf_warp.scene import (
     Light,
     Medium,
     Mesh,
+    MeshInstance,
     MeshLight,
     Scene,
     Shape,
@@ -32,6 +33,8 @@ from fgf_warp.scene import (
     SphereLight,
     Surface,
     encloses,
+    shape_bounds,
+    unit_axes,
 )
 from fgf_warp.settings import RenderSettings
 from fgf_warp.theory import fbm, kernels
@@ -102,13 +105,26 @@ def upload(
     data.tables = rows.upload(device)
     data.containers = wp.array([_container(s, scene) for s in containers], dtype=medium.Container, device=device)
     data.lights = wp.array([build_device_light(light) for light in lights_met], dtype=lights.Light, device=device)
-    data.camera_inside = wp.uint32(containers_around(scene.camera.position, containers))
+    low, high = scene.camera.start_bounds(settings.width, settings.height)
+    data.camera_inside = wp.uint32(containers_around((low + high) / 2, containers))
+    if scene.shapes_around_starts(settings.width, settings.height):
+        lows, highs = zip(*(shape_bounds(shape) for shape in containers), strict=True)
+        low, high = np.min(lows, axis=0), np.max(highs, axis=0)
+        data.media_center, data.media_radius = wp.vec3(*(low + high) / 2), float(np.linalg.norm(high - low))
+        data.boundaries = build_device_meshes([_bare(shape) for shape in containers], [], device)
     data.seeds = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
 
     limits = Limits()
     limits.max_depth = settings.max_depth
     limits.roulette_depth = settings.roulette_depth
     return UploadedScene(data, limits)
+
+
+def _bare(shape: Shape) -> Shape:
+    """The shape as a mere boundary."""
+    if isinstance(shape, MeshInstance):
+        return replace(shape, mesh=replace(shape.mesh, surface=None))
+    return replace(shape, surface=None)
 
 
 def containers_around(point: np.ndarray, containers: Sequence[Shape]) -> int:
@@ -295,14 +311,25 @@ def _surface(surface: Surface) -> Any:
 
 def _camera(camera: Camera, width: int, height: int) -> Any:
     left, right, bottom, top = camera.window(width, height)
-    axes = camera.camera_to_world[:3, :3] / np.linalg.norm(camera.camera_to_world[:3, :3], axis=0)
+    closing = camera.camera_to_world if camera.closing is None else camera.closing
+    near, far = camera.clipping_range
     result = camera_device.Camera()
-    result.position = wp.vec3(*camera.position)
-    result.right, result.up, result.forward = wp.vec3(*axes[:, 0]), wp.vec3(*axes[:, 1]), wp.vec3(*-axes[:, 2])
+    result.position, result.closing_position = wp.vec3(*camera.position), wp.vec3(*closing[:3, 3])
+    result.right, result.up, result.forward = _camera_axes(camera.camera_to_world)
+    result.closing_right, result.closing_up, result.closing_forward = _camera_axes(closing)
     result.left_edge, result.top_edge = left, top
     result.pixel_width, result.pixel_height = (right - left) / width, (top - bottom) / height
     result.width = width
+    result.is_orthographic = int(camera.projection == "orthographic")
+    result.lens_radius = camera.lens_radius
+    result.nearness = 1 / camera.focus_distance if camera.has_lens else 0.0
+    result.near, result.far = near, min(far, float(numerics.INFINITE))
     return result
+
+
+def _camera_axes(matrix: np.ndarray) -> tuple[wp.vec3, wp.vec3, wp.vec3]:
+    axes = unit_axes(matrix)
+    return wp.vec3(*axes[:, 0]), wp.vec3(*axes[:, 1]), wp.vec3(*-axes[:, 2])
 
 
 def _dome_radiance(scene: Scene) -> np.ndarray:

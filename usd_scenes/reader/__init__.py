@@ -1,5 +1,29 @@
 """Reads a USD stage into a `fgf_warp.scene.Scene`; reading is validation."""
 
-from usd_scenes.reader.stage import StageReading, StageSurvey, read_scene, read_stage, survey_stage
+from usd_scenes.reader.frames import parse_frames
+from usd_scenes.reader.settings import Product
+from usd_scenes.reader.stage import (
+    COMPLEXITIES,
+    Frame,
+    StageReading,
+    StageSurvey,
+    read_products,
+    read_scene,
+    read_stage,
+    stages_kept_open,
+    survey_stage,
+)
 
-__all__ = ["StageReading", "StageSurvey", "read_scene", "read_stage", "survey_stage"]
+__all__ = [
+    "COMPLEXITIES",
+    "Frame",
+    "Product",
+    "StageReading",
+    "StageSurvey",
+    "parse_frames",
+    "read_products",
+    "read_scene",
+    "read_stage",
+    "stages_kept_open",
+    "survey_stage",
+]

@@ -10,6 +10,7 @@ import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
 from fgf_warp.errors import FgfError, SceneError
+from usd_scenes.reader.images import ImageFiles
 from usd_scenes.reader.notes import Notes
 
 
@@ -26,6 +27,7 @@ class StageContext:
         strict: True where what is missing is an error instead of a warning.
         notes: collects warnings.
         refusals: collects errors, so that all of a stage's are found; None: the first one is raised.
+        images: keeps the pictures that were read.
     """
 
     stage: Usd.Stage
@@ -36,6 +38,7 @@ class StageContext:
     strict: bool = False
     notes: Notes = field(default_factory=Notes)
     refusals: list[FgfError] | None = None
+    images: ImageFiles = field(default_factory=ImageFiles)
     _opening: UsdGeom.XformCache = field(init=False)
     _closing: UsdGeom.XformCache = field(init=False)
 
