@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from threading import Timer
 
+import OpenImageIO as oiio  # noqa: N813 - the name that its own documentation uses
+
 from usd_scenes.library import stage_names, stage_path
 
 TIME_LIMIT = 60
@@ -224,7 +226,7 @@ def Scope "Render"
 """
 """A bit of everything that the reader knows."""
 
-NUMBERS = (
+NUMBERS = [
     "nan",
     "inf",
     "-inf",
@@ -237,10 +239,10 @@ NUMBERS = (
     "2147483647",
     "-2147483648",
     "99999999999",
-)
+]
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e-?\d+)?(?![\w.])")
 WORD = re.compile(r"[A-Za-z_][\w:]*")
-TYPES = (
+TYPES = [
     "float",
     "double",
     "int",
@@ -253,8 +255,8 @@ TYPES = (
     "int[]",
     "matrix4d",
     "half",
-)
-PRIMS = (
+]
+PRIMS = [
     "Sphere",
     "Cube",
     "Cylinder",
@@ -275,7 +277,7 @@ PRIMS = (
     "Shader",
     "RenderSettings",
     "Nonsense",
-)
+]
 
 
 def _choose(found: list[re.Match[str]], rng: random.Random) -> re.Match[str] | None:
@@ -352,6 +354,14 @@ MUTATIONS: dict[Callable[[str, random.Random], str], int] = {
     cut_off: 1,
 }
 """How often each is taken; those after which nothing can be parsed are rare."""
+
+
+def write_pictures(folder: Path) -> None:
+    """Those that the textures of `RICH` are made of."""
+    for name in ("sky", "paint"):
+        picture = oiio.ImageBuf(oiio.ImageSpec(8, 4, 3, "uint8"))
+        oiio.ImageBufAlgo.fill(picture, (0.5, 0.2, 0.7))
+        picture.write(str(folder / f"{name}.png"))
 
 
 def mutant(seed: int) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.usd.fuzz import Renderer, mutant
+from tests.usd.fuzz import Renderer, mutant, write_pictures
 
 FEW, MANY = 60, 500
 
@@ -18,6 +18,7 @@ def renderer() -> Iterator[Renderer]:
 
 
 def assert_clean(seeds: range, renderer: Renderer, folder: Path) -> None:
+    write_pictures(folder)
     found = {}
     for seed in seeds:
         path = folder / f"{seed}.usda"

@@ -426,3 +426,4 @@ def test_reading_imports_no_renderer() -> None:
     script = "import sys, usd_scenes.reader, usd_scenes.library; print('warp' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+    assert done.stderr == ""  # libraries tell of what is left over at the end
