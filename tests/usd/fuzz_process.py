@@ -9,6 +9,7 @@ import sys
 import traceback
 from pathlib import Path
 
+import numpy as np
 import warp as wp
 from typer.testing import CliRunner
 
@@ -20,24 +21,23 @@ from generators.cli import app
 from tests.usd.one_kernel import EVERYTHING
 
 SIZE = 8
-OPTIONS = f"--imageWidth {SIZE} --imageHeight {SIZE} --spp 1 --preset preview --aov variance".split()
+OPTIONS = [
+    "--imageWidth",
+    str(SIZE),
+    "--imageHeight",
+    str(SIZE),
+    "--spp",
+    "1",
+    "--preset",
+    "preview",
+    "--aov",
+    "variance",
+]
 
 
 def answer(path: Path) -> dict[str, str]:
     image = path.with_suffix(".exr")
-    size = [
-        "--imageWidth",
-        str(SIZE),
-        "--imageHeight",
-        str(SIZE),
-        "--spp",
-        "1",
-        "--preset",
-        "preview",
-        "--aov",
-        "variance",
-    ]
-    done = CliRunner().invoke(app, ["render", str(path), "-o", str(image), *size])
+    done = CliRunner().invoke(app, ["render", str(path), "-o", str(image), *OPTIONS])
     left = [other.name for other in path.parent.iterdir() if other.stem == path.stem and other not in (path, image)]
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         return {"kind": "raised", "text": "".join(traceback.format_exception(done.exception))}
@@ -59,10 +59,8 @@ def main() -> None:
     # What libraries print must not mix with the answers.
     out = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)
-    renderer.prepare(
-        Scene(camera=Camera(name="camera", camera_to_world=__import__("numpy").eye(4))),
-        RenderSettings(width=SIZE, height=SIZE, spp=1),
-    )
+    empty = Scene(camera=Camera(name="camera", camera_to_world=np.eye(4)))
+    renderer.prepare(empty, RenderSettings(width=SIZE, height=SIZE, spp=1))
     print("ready", file=out)
     for line in sys.stdin:
         print(json.dumps(answer(Path(line.strip()))), file=out)
