@@ -26,8 +26,8 @@ class StageContext:
         refinement: levels of subdivision, >= 0.
         strict: True where what is missing is an error instead of a warning.
         notes: collects warnings.
-        refusals: collects errors, so that all of a stage's are found; None: the first one is raised.
         images: keeps the pictures that were read.
+        refusals: collects errors, so that all of a stage's are found; None: the first one is raised.
     """
 
     stage: Usd.Stage
@@ -37,8 +37,8 @@ class StageContext:
     refinement: int = 2
     strict: bool = False
     notes: Notes = field(default_factory=Notes)
-    refusals: list[FgfError] | None = None
     images: ImageFiles = field(default_factory=ImageFiles)
+    refusals: list[FgfError] | None = None
     _opening: UsdGeom.XformCache = field(init=False)
     _closing: UsdGeom.XformCache = field(init=False)
 

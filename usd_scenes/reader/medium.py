@@ -123,14 +123,19 @@ def _source(attribute: Usd.Attribute, context: StageContext) -> Usd.Attribute:
 def _unknown_attributes(material: Usd.Prim) -> list[SceneError]:
     known = {*schema.MEDIUM_ATTRIBUTES.values(), schema.BOUNDARY_ATTRIBUTE}
     authored = material.GetPropertiesInNamespace("inputs:fgf") + material.GetPropertiesInNamespace("fgf")
-    problems = []
-    for attribute in authored:
-        if (name := attribute.GetName()) not in known:
-            nearest = difflib.get_close_matches(name, known, n=1)
-            meant = f", maybe {nearest[0]} is meant" if nearest else ""
-            text = f"{attribute.GetPath()} is unknown{meant}; accepted: {', '.join(sorted(known))}"
-            problems.append(SceneError(text))
-    return problems
+    return [
+        SceneError(
+            f"{attribute.GetPath()} is unknown{_suggestion(attribute.GetName(), known)}; "
+            f"accepted: {', '.join(sorted(known))}"
+        )
+        for attribute in authored
+        if attribute.GetName() not in known
+    ]
+
+
+def _suggestion(name: str, known: set[str]) -> str:
+    nearest = difflib.get_close_matches(name, known, n=1)
+    return f", maybe {nearest[0]} is meant" if nearest else ""
 
 
 def _with_attribute(path: str, message: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,10 +27,10 @@ from usd_scenes.reader.lights import DEFAULT_DOME, emitting_meshes, is_light, re
 from usd_scenes.reader.links import link_lights
 from usd_scenes.reader.materials import MaterialReader
 from usd_scenes.reader.mesh import read_mesh
-from usd_scenes.reader.settings import Product, read_settings
+from usd_scenes.reader.settings import Product, StageSettings, read_settings
 
 PURPOSES = ("default", "render", "proxy", "guide")
-DEFAULT_PURPOSES = ("default", "render")
+DEFAULT_PURPOSES = frozenset({"default", "render"})
 COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 """As usdrecord names them: each subdivides once more than the one before, ``low`` not at all."""
 UP_AXES = ("Y", "Z")
@@ -148,30 +148,6 @@ def read_stage(
         return _read(stage, source, choices, trap)
 
 
-def survey_stage(stage: Usd.Stage) -> StageSurvey:
-    """Reads what of an open stage can be read, and collects what is refused."""
-    schema.register()
-    refusals: list[FgfError] = []
-    context = stage_context(stage, refusals=refusals)
-    materials = MaterialReader(context)
-    camera = None
-    shapes, lights = _read_prims(context, materials)
-    with context.going_on():
-        _meters_per_unit(stage)
-    with context.going_on():
-        chosen = read_settings(context, None).product(None).camera
-        prim = choose_camera(context, None, chosen)
-        camera = read_camera(prim, context) if prim else default_camera(shapes, context.up_axis)
-        Scene(camera=camera, shapes=tuple(shapes), media=materials.media)
-    return StageSurvey(tuple(shapes), materials.media, tuple(lights) or (DEFAULT_DOME,), camera, tuple(refusals))
-
-
-def stage_context(stage: Usd.Stage, refusals: list[FgfError] | None = None) -> StageContext:
-    """What `read_stage` reads a stage in where nothing is asked for."""
-    purposes = frozenset(DEFAULT_PURPOSES)
-    return StageContext(stage=stage, time=_time_code(stage, None), purposes=purposes, refusals=refusals)
-
-
 def read_products(
     path: str | Path, *, frame: Frame | None = None, render_settings: str | None = None
 ) -> tuple[Product, ...]:
@@ -199,12 +175,36 @@ def stages_kept_open() -> Iterator[None]:
         yield
 
 
+def survey_stage(stage: Usd.Stage) -> StageSurvey:
+    """Reads what of an open stage can be read, and collects what is refused."""
+    schema.register()
+    refusals: list[FgfError] = []
+    context = stage_context(stage, refusals=refusals)
+    materials = MaterialReader(context)
+    settings, camera = StageSettings(), None
+    shapes, lights = _read_prims(context, materials)
+    with context.going_on():
+        _meters_per_unit(stage)
+    with context.going_on():
+        settings = read_settings(context)
+    with context.going_on():
+        prim = choose_camera(context, None, settings.product(None).camera)
+        camera = read_camera(prim, context) if prim else default_camera(shapes, context.up_axis)
+        Scene(camera=camera, shapes=tuple(shapes), media=materials.media)
+    return StageSurvey(tuple(shapes), materials.media, tuple(lights) or (DEFAULT_DOME,), camera, tuple(refusals))
+
+
+def stage_context(stage: Usd.Stage, refusals: list[FgfError] | None = None) -> StageContext:
+    """What `read_stage` reads a stage in where nothing is asked for."""
+    return StageContext(stage=stage, time=_time_code(stage, None), purposes=DEFAULT_PURPOSES, refusals=refusals)
+
+
 def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticTrap) -> StageReading:
     refuse_composition_errors(stage)
     context = StageContext(
         stage=stage,
         time=_time_code(stage, choices.frame),
-        purposes=frozenset(DEFAULT_PURPOSES),
+        purposes=DEFAULT_PURPOSES,
         refinement=_refinement(choices.complexity),
         strict=choices.strict,
     )
@@ -329,7 +329,7 @@ def _refinement(complexity: str) -> int:
     return COMPLEXITIES.index(complexity)
 
 
-def _checked(purposes: Sequence[str]) -> frozenset[str]:
+def _checked(purposes: Collection[str]) -> frozenset[str]:
     unknown = sorted(set(purposes) - set(PURPOSES))
     if unknown:
         raise SceneError(f"purposes = {', '.join(unknown)}; accepted: {', '.join(PURPOSES)}")
