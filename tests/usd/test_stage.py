@@ -422,6 +422,15 @@ def test_the_trefoil_is_closed_and_faces_outwards() -> None:
     assert signed_volume(points, triangles) == pytest.approx(np.pi * 0.35**2 * length, rel=0.05)
 
 
+def test_a_reference_to_a_file_that_this_usd_cannot_read_is_left_out(read, tmp_path: Path) -> None:
+    prim = 'def Xform "Looks" (\n    references = @../looks.mtlx@\n)\n{\n}\n'
+    (tmp_path / "looks.mtlx").write_text("<materialx/>")
+    warnings = [warning for warning in read(prim).warnings if "looks.mtlx" in warning]
+    assert warnings == ["this USD cannot read looks.mtlx, and what it refers to is left out: /Looks"]
+    with pytest.raises(SceneError, match="/Looks: this USD cannot read"):
+        read(prim, strict=True)
+
+
 def test_reading_imports_no_renderer() -> None:
     script = "import sys, usd_scenes.reader, usd_scenes.library; print('warp' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
