@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.device import camera as camera_device
-from fgf_warp.device import geometry, law, lights, medium, phase, surfaces, tables
+from fgf_warp.device import geometry, law, lights, medium, numerics, phase, surfaces, tables
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import LAW_KINDS, LIGHT_KINDS, SOLID_KINDS, Limits, SceneData
 from fgf_warp.scene import (
@@ -28,6 +28,8 @@ from fgf_warp.scene import (
     Solid,
     SphereLight,
     Surface,
+    shape_bounds,
+    unit_axes,
 )
 from fgf_warp.settings import RenderSettings
 from fgf_warp.theory import fbm, kernels
@@ -46,9 +48,6 @@ MAX_CONTAINERS = 32
 
 EXTINCTION_FLOOR = 1e-30
 """Stands for a vanishing extinction, whose free flights are beyond every scene."""
-
-MOMENTS = np.linspace(0, 1, 17)
-"""Times of the shutter at which it is found out what is around a camera, where something moves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +106,13 @@ def upload(
     data.tables = rows.upload(device)
     data.containers = wp.array([_container(s, scene) for s in containers], dtype=medium.Container, device=device)
     data.lights = wp.array([build_device_light(light) for light in lights_met], dtype=lights.Light, device=device)
-    data.camera_inside = wp.uint32(containers_around_camera(scene.camera, containers))
+    low, high = scene.camera.start_bounds(settings.width, settings.height)
+    data.camera_inside = wp.uint32(containers_around((low + high) / 2, containers))
+    if scene.shapes_around_starts(settings.width, settings.height):
+        lows, highs = zip(*(shape_bounds(shape) for shape in containers), strict=True)
+        low, high = np.min(lows, axis=0), np.max(highs, axis=0)
+        data.media_center, data.media_radius = wp.vec3(*(low + high) / 2), float(np.linalg.norm(high - low))
+        data.boundaries = build_device_meshes([_bare(shape) for shape in containers], [], device)
     data.seeds = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
 
     limits = Limits()
@@ -116,38 +121,23 @@ def upload(
     return UploadedScene(data, limits)
 
 
-def containers_around_camera(camera: Camera, containers: Sequence[Shape]) -> int:
-    """Bits of the containers that a camera is in.
-
-    Raises:
-        UnsupportedFeatureError: for a container that it is in for a part of the shutter's time only.
-    """
-
-    def around(time: float) -> int:
-        return containers_around(_matrix_at(camera.camera_to_world, camera.closing, time)[:3, 3], containers, time)
-
-    found = around(0.0)
-    moves = [camera.closing is not None, *(not isinstance(s, Mesh) and s.closing is not None for s in containers)]
-    for time in MOMENTS if any(moves) else ():
-        changed = found ^ around(time)
-        if changed:
-            raise UnsupportedFeatureError(
-                f"{camera.name}: the camera is in {containers[changed.bit_length() - 1].name} for a part of the "
-                "shutter's time; accepted: for all of it, or never"
-            )
-    return found
+def _bare(shape: Shape) -> Shape:
+    """The shape as a mere boundary."""
+    if isinstance(shape, MeshInstance):
+        return replace(shape, mesh=replace(shape.mesh, surface=None))
+    return replace(shape, surface=None)
 
 
-def containers_around(point: np.ndarray, containers: Sequence[Shape], time: float = 0.0) -> int:
-    """Bits of the containers that a point, (3,) float64, lies in at a time in [0, 1] of the shutter."""
-    return sum(1 << bit for bit, shape in enumerate(containers) if encloses(shape, point, time))
+def containers_around(point: np.ndarray, containers: Sequence[Shape]) -> int:
+    """Bits of the containers that a point, (3,) float64, lies in."""
+    return sum(1 << bit for bit, shape in enumerate(containers) if encloses(shape, point))
 
 
-def encloses(shape: Shape, point: np.ndarray, time: float = 0.0) -> bool:
-    """True where the point, (3,) float64, lies in the closed shape at a time in [0, 1] of the shutter."""
+def encloses(shape: Shape, point: np.ndarray) -> bool:
+    """True where the point, (3,) float64, lies in the closed shape."""
     if isinstance(shape, Mesh):
         return winding_number(shape.points, shape.triangles, point) > 0.5
-    inner = np.linalg.solve(_matrix_at(shape.object_to_world, shape.closing, time), np.append(point, 1.0))[:3]
+    inner = np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3]
     if isinstance(shape, MeshInstance):
         return encloses(shape.mesh, inner)
     x, y, z = inner
@@ -156,10 +146,6 @@ def encloses(shape: Shape, point: np.ndarray, time: float = 0.0) -> bool:
     if shape.kind == "cube":
         return bool(max(abs(x), abs(y), abs(z)) < 1)
     return bool(x * x + y * y < 1 and abs(z) < 1)
-
-
-def _matrix_at(opening: np.ndarray, closing: np.ndarray | None, time: float) -> np.ndarray:
-    return opening if closing is None else (1 - time) * opening + time * closing
 
 
 def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:
@@ -316,14 +302,25 @@ def _surface(surface: Surface) -> Any:
 
 def _camera(camera: Camera, width: int, height: int) -> Any:
     left, right, bottom, top = camera.window(width, height)
-    axes = camera.camera_to_world[:3, :3] / np.linalg.norm(camera.camera_to_world[:3, :3], axis=0)
+    closing = camera.camera_to_world if camera.closing is None else camera.closing
+    near, far = camera.clipping_range
     result = camera_device.Camera()
-    result.position = wp.vec3(*camera.position)
-    result.right, result.up, result.forward = wp.vec3(*axes[:, 0]), wp.vec3(*axes[:, 1]), wp.vec3(*-axes[:, 2])
+    result.position, result.closing_position = wp.vec3(*camera.position), wp.vec3(*closing[:3, 3])
+    result.right, result.up, result.forward = _camera_axes(camera.camera_to_world)
+    result.closing_right, result.closing_up, result.closing_forward = _camera_axes(closing)
     result.left_edge, result.top_edge = left, top
     result.pixel_width, result.pixel_height = (right - left) / width, (top - bottom) / height
     result.width = width
+    result.is_orthographic = int(camera.projection == "orthographic")
+    result.lens_radius = camera.lens_radius
+    result.nearness = 1 / camera.focus_distance if camera.has_lens else 0.0
+    result.near, result.far = near, min(far, float(numerics.INFINITE))
     return result
+
+
+def _camera_axes(matrix: np.ndarray) -> tuple[wp.vec3, wp.vec3, wp.vec3]:
+    axes = unit_axes(matrix)
+    return wp.vec3(*axes[:, 0]), wp.vec3(*axes[:, 1]), wp.vec3(*-axes[:, 2])
 
 
 def _dome_radiance(scene: Scene) -> np.ndarray:

@@ -111,6 +111,8 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"shift_x": 1, "shift_y": 1}
     if features.media:
         sizes |= {"inside": 1}
+    if features.motion:
+        sizes |= {"time": 1}
     if features.lone_solid:
         sizes |= {"t_in": 1, "t_out": 1}
     if features.crossings:
@@ -305,6 +307,8 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.shift_y = get_int(lanes, wp.static(at["shift_y"]), i)
         if wp.static("inside" in at):
             path.start.inside = wp.uint32(get_int(lanes, wp.static(at["inside"]), i))
+        if wp.static("time" in at):
+            path.start.time = get(lanes, wp.static(at["time"]), i)
         if wp.static("t_in" in at):
             path.t_in = get(lanes, wp.static(at["t_in"]), i)
             path.t_out = get(lanes, wp.static(at["t_out"]), i)
@@ -400,6 +404,8 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put_int(lanes, wp.static(at["shift_y"]), i, path.shift_y)
         if wp.static("inside" in at):
             put_int(lanes, wp.static(at["inside"]), i, wp.int32(path.start.inside))
+        if wp.static("time" in at):
+            put(lanes, wp.static(at["time"]), i, path.start.time)
         if wp.static("t_in" in at):
             put(lanes, wp.static(at["t_in"]), i, path.t_in)
             put(lanes, wp.static(at["t_out"]), i, path.t_out)

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
-from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.features import required_features
 from fgf_warp.renderer import render
 from fgf_warp.scene import DistantLight, Mesh, MeshInstance, Solid, Surface
@@ -112,8 +112,15 @@ def test_a_camera_in_an_instance():
     stats.assert_means(*stats.image_mean(render(scene, SETTINGS)), expected, detects=0.05)
 
 
-def test_a_camera_that_a_medium_moves_over_is_refused():
-    cube = Solid("/over", "cube", transform(), medium=0, closing=transform(at=(4, 0, 0)))
-    scene = replace(moving_scene(cube), camera=camera((0, 0, 0), (1, 2, 3)))
-    with pytest.raises(UnsupportedFeatureError, match="/over for a part of the shutter's time"):
-        render(scene, SETTINGS)
+@pytest.mark.parametrize("kind", ["solid", "instance"])
+def test_a_camera_that_a_medium_moves_over(kind):
+    """In the middle of a block at first, before it after half of the time, and then in the open."""
+    opening, closing = (transform(1.0, (0, 0, z)) for z in (0.0, 2.0))
+    if kind == "solid":
+        block = Solid("/block", "cube", opening, medium=0, closing=closing)
+    else:
+        block = MeshInstance("/block", replace(CUBE, medium=0), opening, closing)
+    scene = replace(moving_scene(block), camera=camera((0, 0, 0), (0, 0, -1), aperture=1e-4))
+    # Of 1 - 2 t of the block it looks out through the lower face.
+    within = quad(lambda t: transmittance(scene.media[0], 1 - 2 * t), 0, 0.5)[0]
+    stats.assert_means(*stats.image_mean(render(scene, SETTINGS)), within + 0.5, detects=0.02)
