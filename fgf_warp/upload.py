@@ -16,6 +16,7 @@ from fgf_warp.device import geometry, law, lights, medium, numerics, phase, surf
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import LAW_KINDS, LIGHT_KINDS, SOLID_KINDS, Limits, SceneData
 from fgf_warp.scene import (
+    MAX_CONTAINERS,
     AreaLight,
     Camera,
     DistantLight,
@@ -28,6 +29,7 @@ from fgf_warp.scene import (
     Solid,
     SphereLight,
     Surface,
+    encloses,
     shape_bounds,
     unit_axes,
 )
@@ -42,9 +44,6 @@ from fgf_warp.upload_meshes import (
     number_surfaces,
     upload_structs,
 )
-
-MAX_CONTAINERS = 32
-"""Shapes filled with a medium: one bit each in a path's state."""
 
 EXTINCTION_FLOOR = 1e-30
 """Stands for a vanishing extinction, whose free flights are beyond every scene."""
@@ -133,6 +132,7 @@ def containers_around(point: np.ndarray, containers: Sequence[Shape]) -> int:
     return sum(1 << bit for bit, shape in enumerate(containers) if encloses(shape, point))
 
 
+<<<<<<< HEAD
 def encloses(shape: Shape, point: np.ndarray) -> bool:
     """True where the point, (3,) float64, lies in the closed shape."""
     if isinstance(shape, Mesh):
@@ -162,6 +162,8 @@ def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray)
     return float(np.arctan2(volume, denominator).sum() / (2 * math.pi))
 
 
+=======
+>>>>>>> main
 fit_flight = cache(kernels.fit_flight)
 tabulate_flights = cache(fbm.tabulate_flights)
 
