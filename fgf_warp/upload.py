@@ -22,7 +22,6 @@ from fgf_warp.scene import (
     DistantLight,
     DomeLight,
     Medium,
-    Mesh,
     MeshInstance,
     Scene,
     Shape,
@@ -132,38 +131,6 @@ def containers_around(point: np.ndarray, containers: Sequence[Shape]) -> int:
     return sum(1 << bit for bit, shape in enumerate(containers) if encloses(shape, point))
 
 
-<<<<<<< HEAD
-def encloses(shape: Shape, point: np.ndarray) -> bool:
-    """True where the point, (3,) float64, lies in the closed shape."""
-    if isinstance(shape, Mesh):
-        return winding_number(shape.points, shape.triangles, point) > 0.5
-    inner = np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3]
-    if isinstance(shape, MeshInstance):
-        return encloses(shape.mesh, inner)
-    x, y, z = inner
-    if shape.kind == "sphere":
-        return bool(x * x + y * y + z * z < 1)
-    if shape.kind == "cube":
-        return bool(max(abs(x), abs(y), abs(z)) < 1)
-    return bool(x * x + y * y < 1 and abs(z) < 1)
-
-
-def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:
-    """How often a closed mesh winds around a point: 1 inside, 0 outside (van Oosterom and Strackee 1983)."""
-    a, b, c = (np.asarray(points, dtype=np.float64)[triangles[:, corner]] - point for corner in range(3))
-    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-    denominator = (
-        la * lb * lc
-        + np.einsum("ij,ij->i", a, b) * lc
-        + np.einsum("ij,ij->i", b, c) * la
-        + np.einsum("ij,ij->i", c, a) * lb
-    )
-    return float(np.arctan2(volume, denominator).sum() / (2 * math.pi))
-
-
-=======
->>>>>>> main
 fit_flight = cache(kernels.fit_flight)
 tabulate_flights = cache(fbm.tabulate_flights)
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fgf_warp.scene import Mesh, MeshInstance, Surface
-from fgf_warp.upload import encloses
+from fgf_warp.scene import Mesh, MeshInstance, Surface, encloses
 from tests.contracts.device_kernels import RICH, hit_meshes
 from tests.contracts.test_bvh import directions, knot
 from tests.scenes import transform
