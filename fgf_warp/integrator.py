@@ -34,15 +34,17 @@ from fgf_warp.device.geometry import (
     SPHERE,
     SURFACE,
     Hit,
+    Motion,
     Solid,
     Start,
+    build_intersect_solids,
     chord,
     coordinate_reach,
     cross_boundary,
-    intersect_solids,
     meet_solid_boundary,
     meet_solid_surface,
     offset_from_surface,
+    solid_at,
     solid_span,
     surface_distance,
 )
@@ -126,6 +128,8 @@ class SceneData:
     solids: wp.array(dtype=Solid)
     lone_solid: int
     """The one that the only medium fills; used where one does."""
+    motions: wp.array(dtype=Motion)
+    """Of solids and instances that move."""
     meshes: Bvh
     surfaces: wp.array(dtype=Surface)
     media: wp.array(dtype=Medium)
@@ -235,7 +239,7 @@ def build_program(features: RenderFeatures) -> Program:
     draw_more = draw_more_lattice if is_lattice else draw_more_independent
     pool_floats, sum_count = lane_floats(features), tally_floats(features)
     eval_phase, sample_phase = build_phase(features.phases)
-    intersect_meshes = build_intersect_meshes(features)
+    intersect_solids, intersect_meshes = build_intersect_solids(features), build_intersect_meshes(features)
     load, store = lanes_module.build_lanes(features)
     load_tally, store_tally = lanes_module.build_tallies(features)
 
@@ -412,6 +416,20 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func
+    def look_at_solids(scene: SceneData, before: Path) -> Path:
+        """At all of them but the lone one, lane by lane."""
+        path = before
+        for s in range(scene.solids.shape[0]):
+            solid = scene.solids[s]
+            if wp.static(features.motion):
+                solid = solid_at(solid, scene.motions, before.start.time)
+            if solid.surface >= 0:
+                path = look_at_surface(path, solid, solid.kind, scene.surfaces[solid.surface])
+            elif wp.static(has_crossings):
+                path = look_at_boundary(path, solid, solid.kind)
+        return path
+
+    @wp.func
     def look_at_meshes(scene: SceneData, before: Path) -> Path:
         path = before
         path.hit = intersect_meshes(scene.meshes, before.origin, before.direction, before.start, before.hit)
@@ -486,7 +504,7 @@ def build_program(features: RenderFeatures) -> Program:
         hit.t = t_max
         hit.kind = MISS
         if wp.static(has_solids):
-            hit = intersect_solids(scene.solids, origin, direction, start, hit)
+            hit = intersect_solids(scene.solids, scene.motions, origin, direction, start, hit)
         if wp.static(features.meshes):
             hit = intersect_meshes(scene.meshes, origin, direction, start, hit)
         if wp.static(has_lights):
@@ -936,6 +954,8 @@ def build_program(features: RenderFeatures) -> Program:
             if wp.static(has_solids):
                 for s in range(scene.solids.shape[0]):
                     solid = scene.solids[s]
+                    if wp.static(features.motion):
+                        solid = solid_at(solid, scene.motions, start.time)
                     if solid.container >= 0:
                         span = solid_span(solid, solid.kind, origin, before.direction)
                         hit = meet_solid_boundary(solid, span, start, hit)
@@ -1020,7 +1040,7 @@ def build_program(features: RenderFeatures) -> Program:
             medium.law.kind = wp.static(LAW_KINDS[lone_law])
         return medium
 
-    connects_in_lanes = features.connections and not has_crossings
+    connects_in_lanes = features.connects_in_lanes
     opens_eyes_at_once = not features.media or (lone_law != "" and not lone_solid)
     needs_meeting = has_crossings and (lone_law == "" or Aov.TRANSMITTANCE in features.aovs)
 
@@ -1034,12 +1054,7 @@ def build_program(features: RenderFeatures) -> Program:
             path = look_at_lone_solid(path, solid, solid.kind)
         path = open_eyes(path, scene.camera)
         if wp.static(has_solids):
-            for s in range(scene.solids.shape[0]):
-                solid = scene.solids[s]
-                if solid.surface >= 0:
-                    path = look_at_surface(path, solid, solid.kind, scene.surfaces[solid.surface])
-                elif wp.static(has_crossings):
-                    path = look_at_boundary(path, solid, solid.kind)
+            path = look_at_solids(scene, path)
         if wp.static(features.meshes):
             path = look_at_meshes(scene, path)
         if wp.static(features.connections):
@@ -1210,7 +1225,12 @@ def build_program(features: RenderFeatures) -> Program:
                 for i in range(LANES):
                     path = load(lanes, i)
                     store(lanes, i, open_eyes(look_at_lone_solid(path, lone_shape, wp.static(lone_kind)), camera))
-            if wp.static(has_solids and (has_crossings or has_surfaces)):
+            if wp.static(has_solids and features.motion):
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    if path.alive == 1:
+                        store(lanes, i, look_at_solids(scene, path))
+            elif wp.static(has_solids and (has_crossings or has_surfaces)):
                 for s in range(scene.solids.shape[0]):
                     solid = scene.solids[s]
                     if wp.static(has_crossings):

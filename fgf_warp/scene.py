@@ -636,6 +636,12 @@ class Mesh:
                     "inconsistently oriented edges"
                 )
 
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner, (3,) each, of the box around its triangles."""
+        points = self.points[np.unique(self.triangles)]
+        return points.min(axis=0), points.max(axis=0)
+
 
 @dataclass(frozen=True, eq=False)
 class MeshInstance:
@@ -1029,8 +1035,7 @@ def shape_widths(shape: Shape) -> tuple[float, float]:
 def shape_bounds(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest corner, (3,) each, of a box that holds the shape; not tight for a turned round solid."""
     if isinstance(shape, Mesh):
-        points = shape.points[np.unique(shape.triangles)]
-        return points.min(axis=0), points.max(axis=0)
+        return shape.bounds
     if isinstance(shape, MeshInstance):
         low, high = shape_bounds(shape.mesh)
         corners = (low + high) / 2 + CUBE_CORNERS * (high - low) / 2

@@ -125,8 +125,6 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"face": 1, "u": 1, "v": 1}
     if features.passes:
         sizes |= {"passed": 1}
-    if features.motion:
-        sizes |= {"time": 1}
     if features.lone_law == "":
         sizes |= {"segment": 1, "keeps": 1} | dict.fromkeys(features.phase_parameters, 1)
     if features.surfaces or features.connections:
@@ -137,7 +135,7 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"normal": 3}
     if features.connections:
         sizes |= {"pdf_direction": 1, "scatters": 1, "wi": 3}
-    if features.connections and not features.crossings:
+    if features.connects_in_lanes:
         sizes |= {"to_light": 3, "light_distance": 1, "light_share": 3}
     if features.chromatic:
         sizes |= {"channel": 1, "length": 1, "channel_pdfs": 3}
@@ -328,8 +326,6 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.hit.v = get(lanes, wp.static(at["v"]), i)
         if wp.static("passed" in at):
             path.start.passed = get(lanes, wp.static(at["passed"]), i)
-        if wp.static("time" in at):
-            path.start.time = get(lanes, wp.static(at["time"]), i)
         if wp.static("segment" in at):
             path.segment = get(lanes, wp.static(at["segment"]), i)
             path.keeps = get_int(lanes, wp.static(at["keeps"]), i)
@@ -424,8 +420,6 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put(lanes, wp.static(at["v"]), i, path.hit.v)
         if wp.static("passed" in at):
             put(lanes, wp.static(at["passed"]), i, path.start.passed)
-        if wp.static("time" in at):
-            put(lanes, wp.static(at["time"]), i, path.start.time)
         if wp.static("segment" in at):
             put(lanes, wp.static(at["segment"]), i, path.segment)
             put_int(lanes, wp.static(at["keeps"]), i, path.keeps)
