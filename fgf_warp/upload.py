@@ -21,8 +21,10 @@ from fgf_warp.scene import (
     Camera,
     DistantLight,
     DomeLight,
+    Light,
     Medium,
     Mesh,
+    MeshLight,
     Scene,
     Shape,
     Solid,
@@ -76,7 +78,13 @@ def upload(
         raise UnsupportedFeatureError(
             f"{scene.source}: {len(containers)} shapes are filled with media; accepted: at most {MAX_CONTAINERS}"
         )
-    solids = [_solid(shape, shapes, containers) for shape in shapes if isinstance(shape, Solid)]
+    surface_of, container_of = number_surfaces(shapes), number_containers(shapes)
+    solids = [
+        _solid(shape, surface_of.get(shape, -1), container_of.get(shape, -1))
+        for shape in shapes
+        if isinstance(shape, Solid)
+    ]
+    lights_met = [light for light in scene.lights if not isinstance(light, DomeLight)]
     rows = LawTables()
     media = [_medium(item, index, scene, rows) for own in media_of_images for index, item in enumerate(own)]
 
@@ -86,7 +94,7 @@ def upload(
     data.solids = wp.array(solids, dtype=geometry.Solid, device=device)
     filled = [k for k, solid in enumerate(solids) if solid.container >= 0]
     data.lone_solid = filled[0] if filled else -1
-    data.meshes = build_device_meshes(shapes, containers, device)
+    data.meshes = build_device_meshes(shapes, lights_met, device)
     data.surfaces = wp.array(
         [_surface(s.surface) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
     )
@@ -94,11 +102,7 @@ def upload(
     data.media_count = len(scene.media)
     data.tables = rows.upload(device)
     data.containers = wp.array([_container(s, scene) for s in containers], dtype=medium.Container, device=device)
-    data.lights = wp.array(
-        [build_device_light(light) for light in scene.lights if not isinstance(light, DomeLight)],
-        dtype=lights.Light,
-        device=device,
-    )
+    data.lights = wp.array([build_device_light(light) for light in lights_met], dtype=lights.Light, device=device)
     data.camera_inside = wp.uint32(containers_around(scene.camera.position, containers))
     data.seeds = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
 
@@ -208,17 +212,49 @@ def _flights(line: fbm.ExactFbm, farthest: float, rows: LawTables, *, from_mediu
     return result
 
 
-def build_device_meshes(shapes: Sequence[Shape], containers: Sequence[Shape], device: str) -> Any:
-    """The device's view of all meshes among `shapes`; bits of `inside` are places in `containers`."""
-    meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
-    tree = build_wide_tree([np.asarray(mesh.points, dtype=np.float32)[mesh.triangles] for mesh in meshes])
+def build_device_meshes(shapes: Sequence[Shape], lights_met: Sequence[Light], device: str) -> Any:
+    """The device's view of all triangles.
+
+    Args:
+        shapes: whose meshes there are; surfaces, and bits of `inside`, are numbered in their order.
+        lights_met: among which those of triangles are; lights are numbered in their order.
+        device: to copy them to.
+    """
+    surface_of, container_of = number_surfaces(shapes), number_containers(shapes)
+    corners: list[np.ndarray] = []
+    rows: list[tuple] = []
+    for shape in shapes:
+        if isinstance(shape, Mesh):
+            corners.append(np.asarray(shape.points, dtype=np.float32)[shape.triangles])
+            rows.append((surface_of.get(shape, -1), container_of.get(shape, -1), -1, shape.shadow_links))
+    for index, light in enumerate(lights_met):
+        if isinstance(light, MeshLight):
+            corners.append(light.corners.astype(np.float32))
+            rows.append((-1, -1, index, 0))
+    tree = build_wide_tree(corners)
     result = bvh.Bvh()
     result.boxes = wp.array(tree.boxes, dtype=bvh.vec8, device=device)
     result.children = wp.array(tree.children, dtype=bvh.vec8i, device=device)
     result.triangles = wp.array(tree.triangles, dtype=bvh.vec8, device=device)
     result.owners = wp.array(tree.owners, dtype=bvh.vec8i, device=device)
-    result.meshes = wp.array([_mesh(mesh, shapes, containers) for mesh in meshes], dtype=bvh.Mesh, device=device)
+    result.faces = wp.array(tree.faces, dtype=bvh.vec8i, device=device)
+    result.meshes = _structs(rows, bvh.Mesh, device)
     return result
+
+
+def _structs(rows: Sequence[tuple], dtype: Any, device: str) -> wp.array:
+    """An array of structs, each from the tuple of its fields; a list of structs would take a hundred times as long."""
+    return wp.array(np.array(rows, dtype=dtype.numpy_dtype()), dtype=dtype, device=device)
+
+
+def number_surfaces(shapes: Sequence[Shape]) -> dict[Shape, int]:
+    """The index of each shape's surface, of those that have one."""
+    return {shape: index for index, shape in enumerate(shape for shape in shapes if shape.surface is not None)}
+
+
+def number_containers(shapes: Sequence[Shape]) -> dict[Shape, int]:
+    """The bit of each shape that a medium fills."""
+    return {shape: bit for bit, shape in enumerate(shape for shape in shapes if shape.medium is not None)}
 
 
 def _medium(item: Medium, index: int, scene: Scene, rows: LawTables) -> Any:
@@ -266,30 +302,15 @@ def _container(shape: Shape, scene: Scene) -> Any:
     return result
 
 
-def _solid(shape: Solid, shapes: Sequence[Shape], containers: Sequence[Shape]) -> Any:
+def _solid(shape: Solid, surface: int, container: int) -> Any:
     to_object = np.linalg.inv(shape.object_to_world)
     result = geometry.Solid()
     result.kind = SOLID_KINDS[shape.kind]
     result.to_object = wp.mat33(*to_object[:3, :3].flatten())
     result.to_object_offset = wp.vec3(*to_object[:3, 3])
-    result.surface, result.container = _surface_index(shape, shapes), _container_bit(shape, containers)
+    result.surface, result.container = surface, container
+    result.shadow_links = shape.shadow_links
     return result
-
-
-def _mesh(shape: Mesh, shapes: Sequence[Shape], containers: Sequence[Shape]) -> Any:
-    result = bvh.Mesh()
-    result.surface, result.container = _surface_index(shape, shapes), _container_bit(shape, containers)
-    return result
-
-
-def _surface_index(shape: Shape, shapes: Sequence[Shape]) -> int:
-    if shape.surface is None:
-        return -1
-    return [other for other in shapes if other.surface is not None].index(shape)
-
-
-def _container_bit(shape: Shape, containers: Sequence[Shape]) -> int:
-    return containers.index(shape) if shape.medium is not None else -1
 
 
 def _surface(surface: Surface) -> Any:
