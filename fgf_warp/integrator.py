@@ -34,12 +34,13 @@ from fgf_warp.device.geometry import (
     SPHERE,
     SURFACE,
     Hit,
+    Motion,
     Solid,
     Start,
+    build_intersect_solids,
     chord,
     coordinate_reach,
     cross_boundary,
-    intersect_solids,
     meet_solid_boundary,
     meet_solid_surface,
     offset_from_surface,
@@ -126,6 +127,8 @@ class SceneData:
     solids: wp.array(dtype=Solid)
     lone_solid: int
     """The one that the only medium fills; used where one does."""
+    motions: wp.array(dtype=Motion)
+    """Of solids and instances that move."""
     meshes: Bvh
     surfaces: wp.array(dtype=Surface)
     media: wp.array(dtype=Medium)
@@ -229,7 +232,7 @@ def build_program(features: RenderFeatures) -> Program:
     draw_more = draw_more_lattice if is_lattice else draw_more_independent
     pool_floats, sum_count = lane_floats(features), tally_floats(features)
     eval_phase, sample_phase = build_phase(features.phases)
-    intersect_meshes = build_intersect_meshes(features)
+    intersect_solids, intersect_meshes = build_intersect_solids(features), build_intersect_meshes(features)
     load, store = lanes_module.build_lanes(features)
     load_tally, store_tally = lanes_module.build_tallies(features)
 
@@ -470,7 +473,7 @@ def build_program(features: RenderFeatures) -> Program:
         hit.t = t_max
         hit.kind = MISS
         if wp.static(has_solids):
-            hit = intersect_solids(scene.solids, origin, direction, start, hit)
+            hit = intersect_solids(scene.solids, scene.motions, origin, direction, start, hit)
         if wp.static(features.meshes):
             hit = intersect_meshes(scene.meshes, origin, direction, start, hit)
         if wp.static(has_lights):

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from fgf_warp.bvh import build_wide_tree
-from fgf_warp.device import bvh, geometry, law, lights, medium, phase, surfaces, tables
 from fgf_warp.device import camera as camera_device
+from fgf_warp.device import geometry, law, lights, medium, phase, surfaces, tables
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import LAW_KINDS, LIGHT_KINDS, SOLID_KINDS, Limits, SceneData
 from fgf_warp.scene import (
@@ -21,10 +20,9 @@ from fgf_warp.scene import (
     Camera,
     DistantLight,
     DomeLight,
-    Light,
     Medium,
     Mesh,
-    MeshLight,
+    MeshInstance,
     Scene,
     Shape,
     Solid,
@@ -35,12 +33,22 @@ from fgf_warp.settings import RenderSettings
 from fgf_warp.theory import fbm, kernels
 from fgf_warp.theory.law import LineLaw
 from fgf_warp.theory.mixture import RateMixture, mix_exact_rates, mix_rates
+from fgf_warp.upload_meshes import (
+    build_device_meshes,
+    number_containers,
+    number_motions,
+    number_surfaces,
+    upload_structs,
+)
 
 MAX_CONTAINERS = 32
 """Shapes filled with a medium: one bit each in a path's state."""
 
 EXTINCTION_FLOOR = 1e-30
 """Stands for a vanishing extinction, whose free flights are beyond every scene."""
+
+MOMENTS = np.linspace(0, 1, 17)
+"""Times of the shutter at which it is found out what is around a camera, where something moves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,12 +86,7 @@ def upload(
         raise UnsupportedFeatureError(
             f"{scene.source}: {len(containers)} shapes are filled with media; accepted: at most {MAX_CONTAINERS}"
         )
-    surface_of, container_of = number_surfaces(shapes), number_containers(shapes)
-    solids = [
-        _solid(shape, surface_of.get(shape, -1), container_of.get(shape, -1))
-        for shape in shapes
-        if isinstance(shape, Solid)
-    ]
+    solids = [shape for shape in shapes if isinstance(shape, Solid)]
     lights_met = [light for light in scene.lights if not isinstance(light, DomeLight)]
     rows = LawTables()
     media = [_medium(item, index, scene, rows) for own in media_of_images for index, item in enumerate(own)]
@@ -91,10 +94,11 @@ def upload(
     data = SceneData()
     data.camera = _camera(scene.camera, settings.width, settings.height)
     data.environment = wp.vec3(*_dome_radiance(scene))
-    data.solids = wp.array(solids, dtype=geometry.Solid, device=device)
-    filled = [k for k, solid in enumerate(solids) if solid.container >= 0]
+    data.solids = _upload_solids(shapes, device)
+    filled = [k for k, solid in enumerate(solids) if solid.medium is not None]
     data.lone_solid = filled[0] if filled else -1
     data.meshes = build_device_meshes(shapes, lights_met, device)
+    data.motions = data.meshes.motions
     data.surfaces = wp.array(
         [_surface(s.surface) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
     )
@@ -103,7 +107,7 @@ def upload(
     data.tables = rows.upload(device)
     data.containers = wp.array([_container(s, scene) for s in containers], dtype=medium.Container, device=device)
     data.lights = wp.array([build_device_light(light) for light in lights_met], dtype=lights.Light, device=device)
-    data.camera_inside = wp.uint32(containers_around(scene.camera.position, containers))
+    data.camera_inside = wp.uint32(containers_around_camera(scene.camera, containers))
     data.seeds = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
 
     limits = Limits()
@@ -112,21 +116,50 @@ def upload(
     return UploadedScene(data, limits)
 
 
-def containers_around(point: np.ndarray, containers: Sequence[Shape]) -> int:
-    """Bits of the containers that a point, (3,) float64, lies in."""
-    return sum(1 << bit for bit, shape in enumerate(containers) if encloses(shape, point))
+def containers_around_camera(camera: Camera, containers: Sequence[Shape]) -> int:
+    """Bits of the containers that a camera is in.
+
+    Raises:
+        UnsupportedFeatureError: for a container that it is in for a part of the shutter's time only.
+    """
+
+    def around(time: float) -> int:
+        return containers_around(_matrix_at(camera.camera_to_world, camera.closing, time)[:3, 3], containers, time)
+
+    found = around(0.0)
+    moves = [camera.closing is not None, *(not isinstance(s, Mesh) and s.closing is not None for s in containers)]
+    for time in MOMENTS if any(moves) else ():
+        changed = found ^ around(time)
+        if changed:
+            raise UnsupportedFeatureError(
+                f"{camera.name}: the camera is in {containers[changed.bit_length() - 1].name} for a part of the "
+                "shutter's time; accepted: for all of it, or never"
+            )
+    return found
 
 
-def encloses(shape: Shape, point: np.ndarray) -> bool:
-    """True where the point, (3,) float64, lies in the closed shape."""
+def containers_around(point: np.ndarray, containers: Sequence[Shape], time: float = 0.0) -> int:
+    """Bits of the containers that a point, (3,) float64, lies in at a time in [0, 1] of the shutter."""
+    return sum(1 << bit for bit, shape in enumerate(containers) if encloses(shape, point, time))
+
+
+def encloses(shape: Shape, point: np.ndarray, time: float = 0.0) -> bool:
+    """True where the point, (3,) float64, lies in the closed shape at a time in [0, 1] of the shutter."""
     if isinstance(shape, Mesh):
         return winding_number(shape.points, shape.triangles, point) > 0.5
-    x, y, z = np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3]
+    inner = np.linalg.solve(_matrix_at(shape.object_to_world, shape.closing, time), np.append(point, 1.0))[:3]
+    if isinstance(shape, MeshInstance):
+        return encloses(shape.mesh, inner)
+    x, y, z = inner
     if shape.kind == "sphere":
         return bool(x * x + y * y + z * z < 1)
     if shape.kind == "cube":
         return bool(max(abs(x), abs(y), abs(z)) < 1)
     return bool(x * x + y * y < 1 and abs(z) < 1)
+
+
+def _matrix_at(opening: np.ndarray, closing: np.ndarray | None, time: float) -> np.ndarray:
+    return opening if closing is None else (1 - time) * opening + time * closing
 
 
 def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:
@@ -212,51 +245,6 @@ def _flights(line: fbm.ExactFbm, farthest: float, rows: LawTables, *, from_mediu
     return result
 
 
-def build_device_meshes(shapes: Sequence[Shape], lights_met: Sequence[Light], device: str) -> Any:
-    """The device's view of all triangles.
-
-    Args:
-        shapes: whose meshes there are; surfaces, and bits of `inside`, are numbered in their order.
-        lights_met: among which those of triangles are; lights are numbered in their order.
-        device: to copy them to.
-    """
-    surface_of, container_of = number_surfaces(shapes), number_containers(shapes)
-    corners: list[np.ndarray] = []
-    rows: list[tuple] = []
-    for shape in shapes:
-        if isinstance(shape, Mesh):
-            corners.append(np.asarray(shape.points, dtype=np.float32)[shape.triangles])
-            rows.append((surface_of.get(shape, -1), container_of.get(shape, -1), -1, shape.shadow_links))
-    for index, light in enumerate(lights_met):
-        if isinstance(light, MeshLight):
-            corners.append(light.corners.astype(np.float32))
-            rows.append((-1, -1, index, 0))
-    tree = build_wide_tree(corners)
-    result = bvh.Bvh()
-    result.boxes = wp.array(tree.boxes, dtype=bvh.vec8, device=device)
-    result.children = wp.array(tree.children, dtype=bvh.vec8i, device=device)
-    result.triangles = wp.array(tree.triangles, dtype=bvh.vec8, device=device)
-    result.owners = wp.array(tree.owners, dtype=bvh.vec8i, device=device)
-    result.faces = wp.array(tree.faces, dtype=bvh.vec8i, device=device)
-    result.meshes = _structs(rows, bvh.Mesh, device)
-    return result
-
-
-def _structs(rows: Sequence[tuple], dtype: Any, device: str) -> wp.array:
-    """An array of structs, each from the tuple of its fields; a list of structs would take a hundred times as long."""
-    return wp.array(np.array(rows, dtype=dtype.numpy_dtype()), dtype=dtype, device=device)
-
-
-def number_surfaces(shapes: Sequence[Shape]) -> dict[Shape, int]:
-    """The index of each shape's surface, of those that have one."""
-    return {shape: index for index, shape in enumerate(shape for shape in shapes if shape.surface is not None)}
-
-
-def number_containers(shapes: Sequence[Shape]) -> dict[Shape, int]:
-    """The bit of each shape that a medium fills."""
-    return {shape: bit for bit, shape in enumerate(shape for shape in shapes if shape.medium is not None)}
-
-
 def _medium(item: Medium, index: int, scene: Scene, rows: LawTables) -> Any:
     reciprocal = item.resolved_transport != "renewal"
     # Of what fills nothing no flight is looked up and no path frozen.
@@ -302,15 +290,21 @@ def _container(shape: Shape, scene: Scene) -> Any:
     return result
 
 
-def _solid(shape: Solid, surface: int, container: int) -> Any:
-    to_object = np.linalg.inv(shape.object_to_world)
-    result = geometry.Solid()
-    result.kind = SOLID_KINDS[shape.kind]
-    result.to_object = wp.mat33(*to_object[:3, :3].flatten())
-    result.to_object_offset = wp.vec3(*to_object[:3, 3])
-    result.surface, result.container = surface, container
-    result.shadow_links = shape.shadow_links
-    return result
+def _upload_solids(shapes: Sequence[Shape], device: str) -> wp.array:
+    surface_of, container_of, motion_of = number_surfaces(shapes), number_containers(shapes), number_motions(shapes)
+    solids = [shape for shape in shapes if isinstance(shape, Solid)]
+    to_object = np.linalg.inv(np.array([solid.object_to_world for solid in solids]).reshape(-1, 4, 4))
+    return upload_structs(
+        geometry.Solid,
+        device,
+        kind=[SOLID_KINDS[solid.kind] for solid in solids],
+        to_object=to_object[:, :3, :3],
+        to_object_offset=to_object[:, :3, 3],
+        surface=[surface_of.get(solid, -1) for solid in solids],
+        container=[container_of.get(solid, -1) for solid in solids],
+        shadow_links=[solid.shadow_links for solid in solids],
+        motion=[motion_of.get(solid, -1) for solid in solids],
+    )
 
 
 def _surface(surface: Surface) -> Any:

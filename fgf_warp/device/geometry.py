@@ -6,6 +6,8 @@ crosses: what it meets next is sought from the distance `t_min` of the crossing 
 boundary, and boundaries that touch each other or a surface are crossed one after the other, each once.
 """
 
+from typing import Any
+
 import warp as wp
 
 from fgf_warp.device.numerics import INFINITE, choose, unit
@@ -65,6 +67,26 @@ class Start:
 
 
 @wp.struct
+class Placement:
+    """Where an object is."""
+
+    to_object: wp.mat33
+    """Inverse of the object's axes in the world."""
+    position: wp.vec3
+    """Of the object's origin in the world."""
+
+
+@wp.struct
+class Motion:
+    """The matrix that takes an object to the world, when the shutter opens and when it closes."""
+
+    axes: wp.mat33
+    position: wp.vec3
+    closing_axes: wp.mat33
+    closing_position: wp.vec3
+
+
+@wp.struct
 class Solid:
     """A canonical solid: unit sphere, [-1, 1]^3, or unit cylinder around z between -1 and 1."""
 
@@ -77,6 +99,28 @@ class Solid:
     """Bit of the medium that fills it, or -1."""
     shadow_links: wp.uint32
     """Bits of the lights in whose light it casts a shadow."""
+    motion: int
+    """Index of its motion, or -1."""
+
+
+@wp.func
+def place_at(motion: Motion, time: float) -> Placement:
+    """Where a moving object is at a time in [0, 1]: its matrix moves linearly, so its points move along lines."""
+    placement = Placement()
+    placement.to_object = wp.inverse(motion.axes * (1.0 - time) + motion.closing_axes * time)
+    placement.position = motion.position * (1.0 - time) + motion.closing_position * time
+    return placement
+
+
+@wp.func
+def solid_at(solid: Solid, motions: wp.array(dtype=Motion), time: float) -> Solid:
+    """The solid where it is at a time in [0, 1]."""
+    placed = solid
+    if solid.motion >= 0:
+        placement = place_at(motions[solid.motion], time)
+        placed.to_object = placement.to_object
+        placed.to_object_offset = -(placement.to_object * placement.position)
+    return placed
 
 
 @wp.func(inline=True)
@@ -234,17 +278,36 @@ def solid_span(solid: Solid, kind: int, origin: wp.vec3, direction: wp.vec3) -> 
     return solid_interval(kind, o, d)
 
 
-@wp.func
-def intersect_solids(
-    solids: wp.array(dtype=Solid), origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
-) -> Hit:
-    """`nearest`, or the solid before it."""
-    hit = nearest
-    for i in range(solids.shape[0]):
-        solid = solids[i]
-        span = solid_span(solid, solid.kind, origin, direction)
-        if solid.surface >= 0:
-            hit = meet_solid_surface(solid, span, origin, direction, start, hit)
-        else:
-            hit = meet_solid_boundary(solid, span, start, hit)
-    return hit
+def build_intersect_solids(features: Any) -> Any:
+    """The function that meets a ray with the solids of a scene of these features.
+
+    It has the arguments (solids, motions, origin, direction, start, nearest), and gives `nearest`, or the solid before
+    it.
+    """
+
+    @wp.func
+    def intersect_solids(
+        solids: wp.array(dtype=Solid),
+        motions: wp.array(dtype=Motion),
+        origin: wp.vec3,
+        direction: wp.vec3,
+        start: Start,
+        nearest: Hit,
+    ) -> Hit:
+        hit = nearest
+        for i in range(solids.shape[0]):
+            solid = solids[i]
+            if wp.static(features.motion):
+                solid = solid_at(solid, motions, start.time)
+            span = solid_span(solid, solid.kind, origin, direction)
+            if solid.surface >= 0:
+                if wp.static(features.links):
+                    if casts_shadow(solid.shadow_links, start.casters):
+                        hit = meet_solid_surface(solid, span, origin, direction, start, hit)
+                else:
+                    hit = meet_solid_surface(solid, span, origin, direction, start, hit)
+            else:
+                hit = meet_solid_boundary(solid, span, start, hit)
+        return hit
+
+    return intersect_solids

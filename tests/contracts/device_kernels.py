@@ -9,7 +9,7 @@ import warp as wp
 from fgf_warp.device import bvh, lights, rng, surfaces
 from fgf_warp.device.geometry import MISS, Hit, Start
 from fgf_warp.device.options import kernel_options
-from fgf_warp.upload import build_device_meshes
+from fgf_warp.upload_meshes import build_device_meshes
 
 wp.set_module_options(kernel_options(meshes=True))
 
