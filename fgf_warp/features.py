@@ -96,6 +96,11 @@ class RenderFeatures:
         return bool(self.shaped_lights) or self.distant_lights or self.dome_image
 
     @property
+    def connects_in_lanes(self) -> bool:
+        """True where what is between a path and a light is found for all lanes at once."""
+        return self.connections and not (self.crossings or self.motion or self.instances)
+
+    @property
     def faces(self) -> bool:
         """True where it matters which triangle of a mesh is met, and where on it."""
         return self.meshes and (self.shading or "mesh" in self.shaped_lights)
@@ -153,7 +158,7 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         links=any(light.link is not None or light.shadow_link is not None for light in scene.lights),
         media=bool(media),
         lone_law=lone_law,
-        lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) else "",
+        lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) and not _moves(filled[0]) else "",
         chromatic=any(medium.is_chromatic for medium in media),
         phases=frozenset(medium.phase_function for medium in media),
         frozen=any(medium.freezes_paths for medium in media),

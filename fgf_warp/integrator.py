@@ -44,6 +44,7 @@ from fgf_warp.device.geometry import (
     meet_solid_boundary,
     meet_solid_surface,
     offset_from_surface,
+    solid_at,
     solid_span,
     surface_distance,
 )
@@ -396,6 +397,20 @@ def build_program(features: RenderFeatures) -> Program:
         is_nearer = path.hit.t < before.hit.t
         path.albedo = choose(is_nearer, surface.diffuse, before.albedo)
         path.met = choose(is_nearer, surface.emission, before.met)
+        return path
+
+    @wp.func
+    def look_at_solids(scene: SceneData, before: Path) -> Path:
+        """At all of them but the lone one, lane by lane."""
+        path = before
+        for s in range(scene.solids.shape[0]):
+            solid = scene.solids[s]
+            if wp.static(features.motion):
+                solid = solid_at(solid, scene.motions, before.start.time)
+            if solid.surface >= 0:
+                path = look_at_surface(path, solid, solid.kind, scene.surfaces[solid.surface])
+            elif wp.static(has_crossings):
+                path = look_at_boundary(path, solid, solid.kind)
         return path
 
     @wp.func
@@ -879,6 +894,8 @@ def build_program(features: RenderFeatures) -> Program:
         path.first_transmittance = wp.vec3(1.0, 1.0, 1.0)
         path.medium = -1
         path.rates = wp.vec3(NOT_FROZEN)
+        if wp.static(features.motion):
+            path.start.time = draw(seed, path.pixel, path.turn, 0, WHOLE_PATH)[1]
         if wp.static(features.chromatic):
             path.channel = wp.min(int(draw(seed, path.pixel, path.turn, 0, WHOLE_PATH)[0] * 3.0), 2)
             path.channel_pdfs = wp.vec3(1.0, 1.0, 1.0)
@@ -954,7 +971,7 @@ def build_program(features: RenderFeatures) -> Program:
             medium.law.kind = wp.static(LAW_KINDS[lone_law])
         return medium
 
-    connects_in_lanes = features.connections and not has_crossings
+    connects_in_lanes = features.connects_in_lanes
     opens_eyes_at_once = not features.media or (lone_law != "" and not lone_solid)
     needs_meeting = has_crossings and (lone_law == "" or Aov.TRANSMITTANCE in features.aovs)
 
@@ -968,12 +985,7 @@ def build_program(features: RenderFeatures) -> Program:
             path = look_at_lone_solid(path, solid, solid.kind)
         path = open_eyes(path)
         if wp.static(has_solids):
-            for s in range(scene.solids.shape[0]):
-                solid = scene.solids[s]
-                if solid.surface >= 0:
-                    path = look_at_surface(path, solid, solid.kind, scene.surfaces[solid.surface])
-                elif wp.static(has_crossings):
-                    path = look_at_boundary(path, solid, solid.kind)
+            path = look_at_solids(scene, path)
         if wp.static(features.meshes):
             path = look_at_meshes(scene, path)
         if wp.static(features.connections):
@@ -1137,7 +1149,12 @@ def build_program(features: RenderFeatures) -> Program:
                 for i in range(LANES):
                     path = load(lanes, i)
                     store(lanes, i, open_eyes(look_at_lone_solid(path, lone_shape, wp.static(lone_kind))))
-            if wp.static(has_solids and (has_crossings or has_surfaces)):
+            if wp.static(has_solids and features.motion):
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    if path.alive == 1:
+                        store(lanes, i, look_at_solids(scene, path))
+            elif wp.static(has_solids and (has_crossings or has_surfaces)):
                 for s in range(scene.solids.shape[0]):
                     solid = scene.solids[s]
                     if wp.static(has_crossings):

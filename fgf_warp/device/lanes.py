@@ -135,7 +135,7 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"normal": 3}
     if features.connections:
         sizes |= {"pdf_direction": 1, "scatters": 1, "wi": 3}
-    if features.connections and not features.crossings:
+    if features.connects_in_lanes:
         sizes |= {"to_light": 3, "light_distance": 1, "light_share": 3}
     if features.chromatic:
         sizes |= {"channel": 1, "length": 1, "channel_pdfs": 3}
