@@ -24,7 +24,7 @@ from fgf_warp.scene import (
     TextureInput,
 )
 from fgf_warp.theory import bsdf as theory
-from fgf_warp.upload_meshes import upload_structs
+from fgf_warp.upload_meshes import is_open, upload_structs
 
 CHANNELS = {"rgb": -1, "r": 0, "g": 1, "b": 2, "a": 3}
 INPUTS = (
@@ -40,11 +40,6 @@ INPUTS = (
 )
 """Of a material, in the order in which the device has them."""
 NO_VIEW = (-1, 0, 0)
-
-
-def is_open(shape: Shape) -> bool:
-    """True where light enters a medium through the shape's surface, and may be refracted there."""
-    return shape.medium is not None and shape.surface is not None and shape.surface.may_be_transparent
 
 
 def build_device_shading(shapes: Sequence[Shape], containers: Sequence[Shape], device: str) -> Any:
