@@ -101,7 +101,12 @@ class RenderFeatures:
     @property
     def connects_in_lanes(self) -> bool:
         """True where what is between a path and a light is found for all lanes at once."""
-        return self.connections and not (self.crossings or self.motion or self.instances)
+        return self.connections and not (self.crossings or self.motion or self.instances or self.shading)
+
+    @property
+    def refracts(self) -> bool:
+        """True where light enters media through surfaces."""
+        return self.passes and self.media
 
     @property
     def faces(self) -> bool:

@@ -38,11 +38,13 @@ from fgf_warp.theory.law import LineLaw
 from fgf_warp.theory.mixture import RateMixture, mix_exact_rates, mix_rates
 from fgf_warp.upload_meshes import (
     build_device_meshes,
+    is_open,
     number_containers,
     number_motions,
     number_surfaces,
     upload_structs,
 )
+from fgf_warp.upload_shading import build_device_shading, indices_of_refraction
 
 EXTINCTION_FLOOR = 1e-30
 """Stands for a vanishing extinction, whose free flights are beyond every scene."""
@@ -62,7 +64,12 @@ class UploadedScene:
 
 
 def upload(
-    scene: Scene, settings: RenderSettings, media_of_images: Sequence[Sequence[Medium]], seeds: Sequence[int]
+    scene: Scene,
+    settings: RenderSettings,
+    media_of_images: Sequence[Sequence[Medium]],
+    seeds: Sequence[int],
+    *,
+    shading: bool = False,
 ) -> UploadedScene:
     """Copies a scene to `settings.device`.
 
@@ -71,6 +78,7 @@ def upload(
         settings: how they are rendered.
         media_of_images: for each image what takes the place of the scene's media.
         seeds: of each image.
+        shading: whether surfaces are more than matte.
 
     Raises:
         UnsupportedFeatureError: for more than 32 shapes filled with media.
@@ -99,13 +107,18 @@ def upload(
     data.surfaces = wp.array(
         [_surface(s.surface) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
     )
+    if shading:
+        data.shading = build_device_shading(shapes, containers, device)
     data.media = wp.array(media, dtype=medium.Medium, device=device)
     data.media_count = len(scene.media)
     data.tables = rows.upload(device)
-    data.containers = wp.array([_container(s, scene) for s in containers], dtype=medium.Container, device=device)
+    iors = indices_of_refraction(containers)
+    data.containers = wp.array([_container(s, scene, iors) for s in containers], dtype=medium.Container, device=device)
     data.lights = wp.array([build_device_light(light) for light in lights_met], dtype=lights.Light, device=device)
     low, high = scene.camera.start_bounds(settings.width, settings.height)
-    data.camera_inside = wp.uint32(containers_around((low + high) / 2, containers))
+    inside = containers_around((low + high) / 2, containers)
+    data.camera_inside = wp.uint32(inside)
+    data.camera_ior = _ior_around(inside, containers, scene)
     if scene.shapes_around_starts(settings.width, settings.height):
         lows, highs = zip(*(shape_bounds(shape) for shape in containers), strict=True)
         low, high = np.min(lows, axis=0), np.max(highs, axis=0)
@@ -237,12 +250,21 @@ def _mixture(line: LineLaw, longest_depth: float) -> RateMixture:
     return mix_rates(line.b, line.kappa)
 
 
-def _container(shape: Shape, scene: Scene) -> Any:
+def _container(shape: Shape, scene: Scene, iors: Sequence[float]) -> Any:
     assert shape.medium is not None
     result = medium.Container()
     result.medium = shape.medium
     result.priority = scene.media[shape.medium].priority
+    if is_open(shape) and shape.surface is not None:
+        result.ior, result.ior_number = shape.surface.ior, iors.index(shape.surface.ior)
     return result
+
+
+def _ior_around(inside: int, containers: Sequence[Shape], scene: Scene) -> float:
+    """Index of refraction within these containers, as `device.medium.ior_at` has it."""
+    around = [s for bit, s in enumerate(containers) if inside >> bit & 1 and is_open(s)]
+    nearest = max(around, key=lambda s: scene.media[s.medium or 0].priority, default=None)
+    return 1.0 if nearest is None or nearest.surface is None else nearest.surface.ior
 
 
 def _upload_solids(shapes: Sequence[Shape], device: str) -> wp.array:
@@ -256,6 +278,7 @@ def _upload_solids(shapes: Sequence[Shape], device: str) -> wp.array:
         to_object=to_object[:, :3, :3],
         to_object_offset=to_object[:, :3, 3],
         surface=[surface_of.get(solid, -1) for solid in solids],
+        is_open=[is_open(solid) for solid in solids],
         container=[container_of.get(solid, -1) for solid in solids],
         shadow_links=[solid.shadow_links for solid in solids],
         motion=[motion_of.get(solid, -1) for solid in solids],
@@ -264,8 +287,10 @@ def _upload_solids(shapes: Sequence[Shape], device: str) -> wp.array:
 
 def _surface(surface: Surface) -> Any:
     result = surfaces.Surface()
-    result.diffuse = wp.vec3(*surface.diffuse)
-    result.emission = wp.vec3(*surface.emission)
+    # What varies is read where surfaces are shaded.
+    if surface.is_matte and isinstance(surface.diffuse, tuple) and isinstance(surface.emission, tuple):
+        result.diffuse = wp.vec3(*surface.diffuse)
+        result.emission = wp.vec3(*surface.emission)
     return result
 
 

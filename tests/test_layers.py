@@ -30,8 +30,15 @@ ALLOWED = {
         "fgf_warp.settings",
         "fgf_warp.theory",
         "fgf_warp.upload_meshes",
+        "fgf_warp.upload_shading",
     ),
     "fgf_warp.upload_meshes": ("fgf_warp.bvh", "fgf_warp.device", "fgf_warp.scene"),
+    "fgf_warp.upload_shading": (
+        "fgf_warp.device",
+        "fgf_warp.scene",
+        "fgf_warp.theory",
+        "fgf_warp.upload_meshes",
+    ),
     "fgf_warp.probes": ("fgf_warp.device", "fgf_warp.theory", "fgf_warp.upload"),
     "fgf_warp.renderer": (
         "fgf_warp",
@@ -61,6 +68,7 @@ ONLY_IN = {
         "fgf_warp.integrator",
         "fgf_warp.upload",
         "fgf_warp.upload_meshes",
+        "fgf_warp.upload_shading",
         "fgf_warp.probes",
         "fgf_warp.renderer",
         "generators.cli",
