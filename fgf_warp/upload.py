@@ -12,27 +12,24 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.bvh import build_wide_tree
-from fgf_warp.device import bvh, geometry, law, lights, medium, phase, surfaces, tables
+from fgf_warp.device import bvh, geometry, law, medium, phase, surfaces, tables
 from fgf_warp.device import camera as camera_device
 from fgf_warp.errors import UnsupportedFeatureError
-from fgf_warp.integrator import LAW_KINDS, LIGHT_KINDS, SOLID_KINDS, Limits, SceneData
+from fgf_warp.integrator import LAW_KINDS, SOLID_KINDS, Limits, SceneData
 from fgf_warp.scene import (
-    AreaLight,
     Camera,
-    DistantLight,
     DomeLight,
     Medium,
     Mesh,
     Scene,
     Shape,
     Solid,
-    SphereLight,
-    Surface,
 )
 from fgf_warp.settings import RenderSettings
 from fgf_warp.theory import fbm, kernels
 from fgf_warp.theory.law import LineLaw
 from fgf_warp.theory.mixture import RateMixture, mix_exact_rates, mix_rates
+from fgf_warp.upload_lights import build_device_lights
 
 MAX_CONTAINERS = 32
 """Shapes filled with a medium: one bit each in a path's state."""
@@ -82,23 +79,19 @@ def upload(
 
     data = SceneData()
     data.camera = _camera(scene.camera, settings.width, settings.height)
-    data.environment = wp.vec3(*_dome_radiance(scene))
+    data.environment = wp.vec3(*_environment(scene))
     data.solids = wp.array(solids, dtype=geometry.Solid, device=device)
     filled = [k for k, solid in enumerate(solids) if solid.container >= 0]
     data.lone_solid = filled[0] if filled else -1
     data.meshes = build_device_meshes(shapes, containers, device)
     data.surfaces = wp.array(
-        [_surface(s.surface) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
+        [_surface(s) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
     )
     data.media = wp.array(media, dtype=medium.Medium, device=device)
     data.media_count = len(scene.media)
     data.tables = rows.upload(device)
     data.containers = wp.array([_container(s, scene) for s in containers], dtype=medium.Container, device=device)
-    data.lights = wp.array(
-        [build_device_light(light) for light in scene.lights if not isinstance(light, DomeLight)],
-        dtype=lights.Light,
-        device=device,
-    )
+    data.lights, data.light_tables = build_device_lights(scene, containers, device)
     data.camera_inside = wp.uint32(containers_around(scene.camera.position, containers))
     data.seeds = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
 
@@ -263,6 +256,7 @@ def _container(shape: Shape, scene: Scene) -> Any:
     result = medium.Container()
     result.medium = shape.medium
     result.priority = scene.media[shape.medium].priority
+    result.light_links = shape.light_links
     return result
 
 
@@ -273,6 +267,7 @@ def _solid(shape: Solid, shapes: Sequence[Shape], containers: Sequence[Shape]) -
     result.to_object = wp.mat33(*to_object[:3, :3].flatten())
     result.to_object_offset = wp.vec3(*to_object[:3, 3])
     result.surface, result.container = _surface_index(shape, shapes), _container_bit(shape, containers)
+    result.shadow_links = shape.shadow_links
     return result
 
 
@@ -292,8 +287,11 @@ def _container_bit(shape: Shape, containers: Sequence[Shape]) -> int:
     return containers.index(shape) if shape.medium is not None else -1
 
 
-def _surface(surface: Surface) -> Any:
+def _surface(shape: Shape) -> Any:
+    surface = shape.surface
+    assert surface is not None
     result = surfaces.Surface()
+    result.light_links = shape.light_links
     result.diffuse = wp.vec3(*surface.diffuse)
     result.emission = wp.vec3(*surface.emission)
     return result
@@ -311,31 +309,7 @@ def _camera(camera: Camera, width: int, height: int) -> Any:
     return result
 
 
-def _dome_radiance(scene: Scene) -> np.ndarray:
-    domes = [light.radiance for light in scene.lights if isinstance(light, DomeLight)]
+def _environment(scene: Scene) -> np.ndarray:
+    """Radiance of all domes that are the same everywhere."""
+    domes = [light.radiance for light in scene.lights if isinstance(light, DomeLight) and light.is_plain]
     return np.sum(domes, axis=0) if domes else np.zeros(3)
-
-
-def build_device_light(light: DistantLight | AreaLight | SphereLight) -> Any:
-    """The device's view of a light that paths connect to."""
-    result = lights.Light()
-    result.radiance = wp.vec3(*light.radiance)
-    if isinstance(light, DistantLight):
-        result.kind = lights.DISTANT
-        result.center = -wp.vec3(*light.direction)
-        result.cone = 2 * math.sin(light.half_angle / 2) ** 2
-        return result
-    result.center = wp.vec3(*light.center)
-    if isinstance(light, SphereLight):
-        result.kind = lights.SPHERE_LIGHT
-        result.radius = light.radius
-        return result
-    halves = np.array([light.half_u, light.half_v])
-    normal = np.cross(*halves)
-    duals = np.linalg.pinv(halves).T
-    result.kind = LIGHT_KINDS[light.shape]
-    result.half_u, result.half_v = wp.vec3(*halves[0]), wp.vec3(*halves[1])
-    result.dual_u, result.dual_v = wp.vec3(*duals[0]), wp.vec3(*duals[1])
-    result.normal = wp.vec3(*(normal / np.linalg.norm(normal)))
-    result.area = light.area
-    return result

@@ -29,7 +29,9 @@ ALLOWED = {
         "fgf_warp.scene",
         "fgf_warp.settings",
         "fgf_warp.theory",
+        "fgf_warp.upload_lights",
     ),
+    "fgf_warp.upload_lights": ("fgf_warp.device", "fgf_warp.integrator", "fgf_warp.scene"),
     "fgf_warp.probes": ("fgf_warp.device", "fgf_warp.theory", "fgf_warp.upload"),
     "fgf_warp.renderer": (
         "fgf_warp",
@@ -58,6 +60,7 @@ ONLY_IN = {
         "fgf_warp.bvh_kernel",
         "fgf_warp.integrator",
         "fgf_warp.upload",
+        "fgf_warp.upload_lights",
         "fgf_warp.probes",
         "fgf_warp.renderer",
         "generators.cli",

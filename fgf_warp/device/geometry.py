@@ -75,6 +75,8 @@ class Solid:
     """-1: a bare boundary."""
     container: int
     """Bit of the medium that fills it, or -1."""
+    shadow_links: wp.uint32
+    """Bits of the lights whose shadows it casts, of those that not all shapes cast."""
 
 
 @wp.func(inline=True)
@@ -233,7 +235,8 @@ def intersect_solids(
         solid = solids[i]
         span = solid_span(solid, solid.kind, origin, direction)
         if solid.surface >= 0:
-            hit = meet_solid_surface(solid, span, origin, direction, hit)
+            if start.casters == wp.uint32(0) or (solid.shadow_links & start.casters) != wp.uint32(0):
+                hit = meet_solid_surface(solid, span, origin, direction, hit)
         else:
             hit = meet_solid_boundary(solid, span, start, hit)
     return hit

@@ -31,17 +31,28 @@ class Container:
 
     medium: int
     priority: int
+    light_links: wp.uint32
+    """Bits of the linked lights that shine in it."""
+
+
+@wp.func
+def container_at(containers: wp.array(dtype=Container), inside: wp.uint32) -> int:
+    """The container that fills the space: of those around it the one of highest priority; -1 for none."""
+    found = int(-1)
+    priority = int(-2147483648)
+    for i in range(containers.shape[0]):
+        if is_inside(inside, i):
+            if found < 0 or containers[i].priority > priority:
+                found = i
+                priority = containers[i].priority
+    return found
 
 
 @wp.func
 def medium_at(containers: wp.array(dtype=Container), inside: wp.uint32) -> int:
-    """The medium that fills the space: of the containers around it the one of highest priority; -1 for none."""
+    """The medium that fills the space; -1 for none."""
     medium = int(-1)
-    priority = int(-2147483648)
-    for i in range(containers.shape[0]):
-        if is_inside(inside, i):
-            container = containers[i]
-            if medium < 0 or container.priority > priority:
-                medium = container.medium
-                priority = container.priority
+    container = container_at(containers, inside)
+    if container >= 0:
+        medium = containers[container].medium
     return medium
