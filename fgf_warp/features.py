@@ -103,8 +103,19 @@ class RenderFeatures:
 
     @property
     def connects_in_lanes(self) -> bool:
-        """True where connections are made for many paths at once."""
-        return self.connections and not (self.crossings or self.intricate_lights)
+        """True where what is between a path and a light is found for all lanes at once."""
+        is_scalar = self.crossings or self.motion or self.instances or self.shading or self.intricate_lights
+        return self.connections and not is_scalar
+
+    @property
+    def refracts(self) -> bool:
+        """True where light enters media through surfaces."""
+        return self.passes and self.media
+
+    @property
+    def faces(self) -> bool:
+        """True where it matters which triangle of a mesh is met, and where on it."""
+        return self.meshes and (self.shading or "mesh" in self.shaped_lights)
 
     @property
     def crossings(self) -> bool:
@@ -159,7 +170,7 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         links=any(light.link is not None or light.shadow_link is not None for light in scene.lights),
         media=bool(media),
         lone_law=lone_law,
-        lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) else "",
+        lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) and not _moves(filled[0]) else "",
         chromatic=any(medium.is_chromatic for medium in media),
         phases=frozenset(medium.phase_function for medium in media),
         frozen=any(medium.freezes_paths for medium in media),

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from fgf_warp.bvh import build_wide_tree
-from fgf_warp.device import bvh, geometry, law, medium, phase, surfaces, tables
 from fgf_warp.device import camera as camera_device
+from fgf_warp.device import geometry, law, medium, phase, surfaces, tables
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import LAW_KINDS, SOLID_KINDS, Limits, SceneData
 from fgf_warp.scene import (
@@ -21,6 +20,7 @@ from fgf_warp.scene import (
     DomeLight,
     Medium,
     Mesh,
+    MeshInstance,
     Scene,
     Shape,
     Solid,
@@ -29,13 +29,25 @@ from fgf_warp.settings import RenderSettings
 from fgf_warp.theory import fbm, kernels
 from fgf_warp.theory.law import LineLaw
 from fgf_warp.theory.mixture import RateMixture, mix_exact_rates, mix_rates
-from fgf_warp.upload_lights import build_device_lights
+from fgf_warp.upload_lights import build_device_lights, connected_lights
+from fgf_warp.upload_meshes import (
+    build_device_meshes,
+    is_open,
+    number_containers,
+    number_motions,
+    number_surfaces,
+    upload_structs,
+)
+from fgf_warp.upload_shading import build_device_shading, indices_of_refraction
 
 MAX_CONTAINERS = 32
 """Shapes filled with a medium: one bit each in a path's state."""
 
 EXTINCTION_FLOOR = 1e-30
 """Stands for a vanishing extinction, whose free flights are beyond every scene."""
+
+MOMENTS = np.linspace(0, 1, 17)
+"""Times of the shutter at which it is found out what is around a camera, where something moves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +64,12 @@ class UploadedScene:
 
 
 def upload(
-    scene: Scene, settings: RenderSettings, media_of_images: Sequence[Sequence[Medium]], seeds: Sequence[int]
+    scene: Scene,
+    settings: RenderSettings,
+    media_of_images: Sequence[Sequence[Medium]],
+    seeds: Sequence[int],
+    *,
+    shading: bool = False,
 ) -> UploadedScene:
     """Copies a scene to `settings.device`.
 
@@ -61,6 +78,7 @@ def upload(
         settings: how they are rendered.
         media_of_images: for each image what takes the place of the scene's media.
         seeds: of each image.
+        shading: whether surfaces are more than matte.
 
     Raises:
         UnsupportedFeatureError: for more than 32 shapes filled with media.
@@ -73,26 +91,32 @@ def upload(
         raise UnsupportedFeatureError(
             f"{scene.source}: {len(containers)} shapes are filled with media; accepted: at most {MAX_CONTAINERS}"
         )
-    solids = [_solid(shape, shapes, containers) for shape in shapes if isinstance(shape, Solid)]
+    solids = [shape for shape in shapes if isinstance(shape, Solid)]
     rows = LawTables()
     media = [_medium(item, index, scene, rows) for own in media_of_images for index, item in enumerate(own)]
 
     data = SceneData()
     data.camera = _camera(scene.camera, settings.width, settings.height)
     data.environment = wp.vec3(*_environment(scene))
-    data.solids = wp.array(solids, dtype=geometry.Solid, device=device)
-    filled = [k for k, solid in enumerate(solids) if solid.container >= 0]
+    data.solids = _upload_solids(shapes, device)
+    filled = [k for k, solid in enumerate(solids) if solid.medium is not None]
     data.lone_solid = filled[0] if filled else -1
-    data.meshes = build_device_meshes(shapes, containers, device)
+    data.meshes = build_device_meshes(shapes, connected_lights(scene), device)
+    data.motions = data.meshes.motions
     data.surfaces = wp.array(
         [_surface(s) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
     )
+    if shading:
+        data.shading = build_device_shading(shapes, containers, device)
     data.media = wp.array(media, dtype=medium.Medium, device=device)
     data.media_count = len(scene.media)
     data.tables = rows.upload(device)
-    data.containers = wp.array([_container(s, scene) for s in containers], dtype=medium.Container, device=device)
+    iors = indices_of_refraction(containers)
+    data.containers = wp.array([_container(s, scene, iors) for s in containers], dtype=medium.Container, device=device)
     data.lights, data.light_tables = build_device_lights(scene, containers, device)
-    data.camera_inside = wp.uint32(containers_around(scene.camera.position, containers))
+    inside = containers_around_camera(scene.camera, containers)
+    data.camera_inside = wp.uint32(inside)
+    data.camera_ior = _ior_around(inside, containers, scene)
     data.seeds = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
 
     limits = Limits()
@@ -101,21 +125,50 @@ def upload(
     return UploadedScene(data, limits)
 
 
-def containers_around(point: np.ndarray, containers: Sequence[Shape]) -> int:
-    """Bits of the containers that a point, (3,) float64, lies in."""
-    return sum(1 << bit for bit, shape in enumerate(containers) if encloses(shape, point))
+def containers_around_camera(camera: Camera, containers: Sequence[Shape]) -> int:
+    """Bits of the containers that a camera is in.
+
+    Raises:
+        UnsupportedFeatureError: for a container that it is in for a part of the shutter's time only.
+    """
+
+    def around(time: float) -> int:
+        return containers_around(_matrix_at(camera.camera_to_world, camera.closing, time)[:3, 3], containers, time)
+
+    found = around(0.0)
+    moves = [camera.closing is not None, *(not isinstance(s, Mesh) and s.closing is not None for s in containers)]
+    for time in MOMENTS if any(moves) else ():
+        changed = found ^ around(time)
+        if changed:
+            raise UnsupportedFeatureError(
+                f"{camera.name}: the camera is in {containers[changed.bit_length() - 1].name} for a part of the "
+                "shutter's time; accepted: for all of it, or never"
+            )
+    return found
 
 
-def encloses(shape: Shape, point: np.ndarray) -> bool:
-    """True where the point, (3,) float64, lies in the closed shape."""
+def containers_around(point: np.ndarray, containers: Sequence[Shape], time: float = 0.0) -> int:
+    """Bits of the containers that a point, (3,) float64, lies in at a time in [0, 1] of the shutter."""
+    return sum(1 << bit for bit, shape in enumerate(containers) if encloses(shape, point, time))
+
+
+def encloses(shape: Shape, point: np.ndarray, time: float = 0.0) -> bool:
+    """True where the point, (3,) float64, lies in the closed shape at a time in [0, 1] of the shutter."""
     if isinstance(shape, Mesh):
         return winding_number(shape.points, shape.triangles, point) > 0.5
-    x, y, z = np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3]
+    inner = np.linalg.solve(_matrix_at(shape.object_to_world, shape.closing, time), np.append(point, 1.0))[:3]
+    if isinstance(shape, MeshInstance):
+        return encloses(shape.mesh, inner)
+    x, y, z = inner
     if shape.kind == "sphere":
         return bool(x * x + y * y + z * z < 1)
     if shape.kind == "cube":
         return bool(max(abs(x), abs(y), abs(z)) < 1)
     return bool(x * x + y * y < 1 and abs(z) < 1)
+
+
+def _matrix_at(opening: np.ndarray, closing: np.ndarray | None, time: float) -> np.ndarray:
+    return opening if closing is None else (1 - time) * opening + time * closing
 
 
 def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:
@@ -201,19 +254,6 @@ def _flights(line: fbm.ExactFbm, farthest: float, rows: LawTables, *, from_mediu
     return result
 
 
-def build_device_meshes(shapes: Sequence[Shape], containers: Sequence[Shape], device: str) -> Any:
-    """The device's view of all meshes among `shapes`; bits of `inside` are places in `containers`."""
-    meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
-    tree = build_wide_tree([np.asarray(mesh.points, dtype=np.float32)[mesh.triangles] for mesh in meshes])
-    result = bvh.Bvh()
-    result.boxes = wp.array(tree.boxes, dtype=bvh.vec8, device=device)
-    result.children = wp.array(tree.children, dtype=bvh.vec8i, device=device)
-    result.triangles = wp.array(tree.triangles, dtype=bvh.vec8, device=device)
-    result.owners = wp.array(tree.owners, dtype=bvh.vec8i, device=device)
-    result.meshes = wp.array([_mesh(mesh, shapes, containers) for mesh in meshes], dtype=bvh.Mesh, device=device)
-    return result
-
-
 def _medium(item: Medium, index: int, scene: Scene, rows: LawTables) -> Any:
     reciprocal = item.resolved_transport != "renewal"
     # Of what fills nothing no flight is looked up and no path frozen.
@@ -251,40 +291,40 @@ def _mixture(line: LineLaw, longest_depth: float) -> RateMixture:
     return mix_rates(line.b, line.kappa)
 
 
-def _container(shape: Shape, scene: Scene) -> Any:
+def _container(shape: Shape, scene: Scene, iors: Sequence[float]) -> Any:
     assert shape.medium is not None
     result = medium.Container()
     result.medium = shape.medium
     result.priority = scene.media[shape.medium].priority
     result.light_links = shape.light_links
+    if is_open(shape) and shape.surface is not None:
+        result.ior, result.ior_number = shape.surface.ior, iors.index(shape.surface.ior)
     return result
 
 
-def _solid(shape: Solid, shapes: Sequence[Shape], containers: Sequence[Shape]) -> Any:
-    to_object = np.linalg.inv(shape.object_to_world)
-    result = geometry.Solid()
-    result.kind = SOLID_KINDS[shape.kind]
-    result.to_object = wp.mat33(*to_object[:3, :3].flatten())
-    result.to_object_offset = wp.vec3(*to_object[:3, 3])
-    result.surface, result.container = _surface_index(shape, shapes), _container_bit(shape, containers)
-    result.shadow_links = shape.shadow_links
-    return result
+def _ior_around(inside: int, containers: Sequence[Shape], scene: Scene) -> float:
+    """Index of refraction within these containers, as `device.medium.ior_at` has it."""
+    around = [s for bit, s in enumerate(containers) if inside >> bit & 1 and is_open(s)]
+    nearest = max(around, key=lambda s: scene.media[s.medium or 0].priority, default=None)
+    return 1.0 if nearest is None or nearest.surface is None else nearest.surface.ior
 
 
-def _mesh(shape: Mesh, shapes: Sequence[Shape], containers: Sequence[Shape]) -> Any:
-    result = bvh.Mesh()
-    result.surface, result.container = _surface_index(shape, shapes), _container_bit(shape, containers)
-    return result
-
-
-def _surface_index(shape: Shape, shapes: Sequence[Shape]) -> int:
-    if shape.surface is None:
-        return -1
-    return [other for other in shapes if other.surface is not None].index(shape)
-
-
-def _container_bit(shape: Shape, containers: Sequence[Shape]) -> int:
-    return containers.index(shape) if shape.medium is not None else -1
+def _upload_solids(shapes: Sequence[Shape], device: str) -> wp.array:
+    surface_of, container_of, motion_of = number_surfaces(shapes), number_containers(shapes), number_motions(shapes)
+    solids = [shape for shape in shapes if isinstance(shape, Solid)]
+    to_object = np.linalg.inv(np.array([solid.object_to_world for solid in solids]).reshape(-1, 4, 4))
+    return upload_structs(
+        geometry.Solid,
+        device,
+        kind=[SOLID_KINDS[solid.kind] for solid in solids],
+        to_object=to_object[:, :3, :3],
+        to_object_offset=to_object[:, :3, 3],
+        surface=[surface_of.get(solid, -1) for solid in solids],
+        is_open=[is_open(solid) for solid in solids],
+        container=[container_of.get(solid, -1) for solid in solids],
+        shadow_links=[solid.shadow_links for solid in solids],
+        motion=[motion_of.get(solid, -1) for solid in solids],
+    )
 
 
 def _surface(shape: Shape) -> Any:
@@ -292,8 +332,10 @@ def _surface(shape: Shape) -> Any:
     assert surface is not None
     result = surfaces.Surface()
     result.light_links = shape.light_links
-    result.diffuse = wp.vec3(*surface.diffuse)
-    result.emission = wp.vec3(*surface.emission)
+    # What varies is read where surfaces are shaded.
+    if surface.is_matte and isinstance(surface.diffuse, tuple) and isinstance(surface.emission, tuple):
+        result.diffuse = wp.vec3(*surface.diffuse)
+        result.emission = wp.vec3(*surface.emission)
     return result
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from fgf_warp.device import lights, textures
+from fgf_warp.device import lights
 from fgf_warp.integrator import LIGHT_KINDS
 from fgf_warp.scene import (
     AreaLight,
@@ -24,6 +24,7 @@ from fgf_warp.scene import (
     Shape,
     SphereLight,
 )
+from fgf_warp.upload_shading import ImageRows, decoded_srgb
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Of linear Rec.709."""
@@ -31,51 +32,11 @@ EVEN = Image("even", np.full((1, 1, 4), 255, dtype=np.uint8))
 """Of a dome without an image, where it must be connected to."""
 
 
-class Images:
-    """Images on their way to the device; of the same image there is one."""
-
-    def __init__(self) -> None:
-        self._found: dict[int, int] = {}
-        self._images: list[Image] = []
-
-    def add(self, image: Image) -> int:
-        """Index of the image."""
-        if id(image) not in self._found:
-            self._found[id(image)] = len(self._images)
-            self._images.append(image)
-        return self._found[id(image)]
-
-    def upload(self, device: str) -> tuple[wp.array, wp.array, wp.array]:
-        """The images, the texels of 8 bits a channel, and those of floats."""
-        bytes_, floats = [np.zeros((0, 4), dtype=np.uint8)], [np.zeros((0, 4), dtype=np.float32)]
-        rows, counts = [], {id(bytes_): 0, id(floats): 0}
-        for image in self._images:
-            texels = floats if image.pixels.dtype == np.float32 else bytes_
-            row = textures.Image()
-            row.first, row.kind = counts[id(texels)], _texel_kind(image)
-            row.height, row.width = image.pixels.shape[:2]
-            rows.append(row)
-            texels.append(image.pixels.reshape(-1, 4))
-            counts[id(texels)] += row.width * row.height
-        packed = np.ascontiguousarray(np.concatenate(bytes_)).view("<u4").ravel()
-        return (
-            wp.array(rows, dtype=textures.Image, device=device),
-            wp.array(packed, dtype=wp.uint32, device=device),
-            wp.array(np.concatenate(floats), dtype=wp.vec4, device=device),
-        )
-
-
-def _texel_kind(image: Image) -> int:
-    if image.pixels.dtype == np.float32:
-        return int(textures.FLOATS)
-    return int(textures.SRGB_BYTES if image.is_srgb else textures.BYTES)
-
-
 class LightRows:
     """What lights look up, on its way to the device."""
 
     def __init__(self) -> None:
-        self.images = Images()
+        self.images = ImageRows()
         self._places: list[np.ndarray] = [np.zeros(0)]
         self._corners: list[np.ndarray] = [np.zeros((0, 3))]
         self._place_count = self._corner_count = 0
@@ -97,7 +58,7 @@ class LightRows:
         result = lights.LightTables()
         result.places = wp.array(np.concatenate(self._places).astype(np.float32), dtype=float, device=device)
         result.corners = wp.array(np.concatenate(self._corners).astype(np.float32), dtype=wp.vec3, device=device)
-        result.images, result.texels, result.float_texels = self.images.upload(device)
+        result.images = self.images.upload(device)
         return result
 
 
@@ -275,10 +236,7 @@ def filtered_luminance(image: Image, *, is_round: bool) -> np.ndarray:
 
 def linear_colors(image: Image) -> np.ndarray:
     """(height, width, 3) float64."""
-    colors = image.pixels[..., :3].astype(np.float64)
-    if image.pixels.dtype == np.float32:
-        return colors
-    colors /= 255
+    colors = image.pixels[..., :3]
     if image.is_srgb:
-        return np.where(colors <= 0.04045, colors / 12.92, ((colors + 0.055) / 1.055) ** 2.4)
-    return colors
+        return decoded_srgb()[colors]
+    return colors.astype(np.float64) / (255 if colors.dtype == np.uint8 else 1)

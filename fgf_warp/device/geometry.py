@@ -6,6 +6,8 @@ crosses: what it meets next is sought from the distance `t_min` of the crossing 
 boundary, and boundaries that touch each other or a surface are crossed one after the other, each once.
 """
 
+from typing import Any
+
 import warp as wp
 
 from fgf_warp.device.numerics import INFINITE, choose, unit
@@ -65,6 +67,26 @@ class Start:
 
 
 @wp.struct
+class Placement:
+    """Where an object is."""
+
+    to_object: wp.mat33
+    """Inverse of the object's axes in the world."""
+    position: wp.vec3
+    """Of the object's origin in the world."""
+
+
+@wp.struct
+class Motion:
+    """The matrix that takes an object to the world, when the shutter opens and when it closes."""
+
+    axes: wp.mat33
+    position: wp.vec3
+    closing_axes: wp.mat33
+    closing_position: wp.vec3
+
+
+@wp.struct
 class Solid:
     """A canonical solid: unit sphere, [-1, 1]^3, or unit cylinder around z between -1 and 1."""
 
@@ -75,8 +97,32 @@ class Solid:
     """-1: a bare boundary."""
     container: int
     """Bit of the medium that fills it, or -1."""
+    is_open: int
+    """1: light may enter the medium through its surface, which is then a boundary too."""
     shadow_links: wp.uint32
-    """Bits of the lights whose shadows it casts, of those that not all shapes cast."""
+    """Bits of the lights in whose light it casts a shadow."""
+    motion: int
+    """Index of its motion, or -1."""
+
+
+@wp.func
+def place_at(motion: Motion, time: float) -> Placement:
+    """Where a moving object is at a time in [0, 1]: its matrix moves linearly, so its points move along lines."""
+    placement = Placement()
+    placement.to_object = wp.inverse(motion.axes * (1.0 - time) + motion.closing_axes * time)
+    placement.position = motion.position * (1.0 - time) + motion.closing_position * time
+    return placement
+
+
+@wp.func
+def solid_at(solid: Solid, motions: wp.array(dtype=Motion), time: float) -> Solid:
+    """The solid where it is at a time in [0, 1]."""
+    placed = solid
+    if solid.motion >= 0:
+        placement = place_at(motions[solid.motion], time)
+        placed.to_object = placement.to_object
+        placed.to_object_offset = -(placement.to_object * placement.position)
+    return placed
 
 
 @wp.func(inline=True)
@@ -89,6 +135,12 @@ def is_inside(inside: wp.uint32, container: int) -> bool:
 def cross_boundary(inside: wp.uint32, container: int) -> wp.uint32:
     """The path's containers after it has crossed the boundary of one."""
     return inside ^ (wp.uint32(1) << wp.uint32(container))
+
+
+@wp.func(inline=True)
+def casts_shadow(shadow_links: wp.uint32, casters: wp.uint32) -> bool:
+    """True where a shape of these `shadow_links` blocks a ray with `Start.casters`."""
+    return casters == wp.uint32(0) or (shadow_links & casters) != wp.uint32(0)
 
 
 @wp.func(inline=True)
@@ -184,10 +236,10 @@ def chord(span: wp.vec2, is_within: bool) -> wp.vec2:
 
 
 @wp.func(inline=True)
-def surface_distance(span: wp.vec2) -> float:
-    """Distance at which a ray meets the surface that spans (t_enter, t_exit); INFINITE where it does not."""
-    ahead = wp.where(span[0] > 0.0, span[0], span[1])
-    return wp.where(span[0] <= span[1] and span[1] > 0.0, ahead, INFINITE)
+def surface_distance(span: wp.vec2, passed: float) -> float:
+    """Distance beyond `passed` at which a ray meets the surface that spans (t_enter, t_exit); INFINITE for none."""
+    ahead = wp.where(span[0] > passed, span[0], span[1])
+    return wp.where(span[0] <= span[1] and span[1] > passed, ahead, INFINITE)
 
 
 @wp.func(inline=True)
@@ -203,10 +255,28 @@ def meet_solid_boundary(solid: Solid, span: wp.vec2, start: Start, nearest: Hit)
 
 
 @wp.func(inline=True)
-def meet_solid_surface(solid: Solid, span: wp.vec2, origin: wp.vec3, direction: wp.vec3, nearest: Hit) -> Hit:
+def meet_solid_surface(
+    solid: Solid, span: wp.vec2, origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
+) -> Hit:
     """`nearest`, or the surface before it."""
+    return meet_surface_at(solid, surface_distance(span, start.passed), origin, direction, nearest)
+
+
+@wp.func(inline=True)
+def meet_open_surface(
+    solid: Solid, span: wp.vec2, origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
+) -> Hit:
+    """The same among surfaces that light may enter media through, which are met as boundaries are."""
+    t = surface_distance(span, start.passed)
+    if solid.is_open == 1:
+        t = boundary_distance(span, start.t_min, is_inside(start.inside, solid.container))
+    return meet_surface_at(solid, t, origin, direction, nearest)
+
+
+@wp.func(inline=True)
+def meet_surface_at(solid: Solid, t: float, origin: wp.vec3, direction: wp.vec3, nearest: Hit) -> Hit:
+    """`nearest`, or the surface at distance t."""
     hit = nearest
-    t = surface_distance(span)
     is_nearer = t < nearest.t
     p = solid.to_object * (origin + direction * wp.where(is_nearer, t, 0.0)) + solid.to_object_offset
     normal = unit(wp.transpose(solid.to_object) * solid_normal(solid.kind, p))
@@ -214,6 +284,7 @@ def meet_solid_surface(solid: Solid, span: wp.vec2, origin: wp.vec3, direction: 
     hit.kind = wp.where(is_nearer, SURFACE, nearest.kind)
     hit.item = wp.where(is_nearer, solid.surface, nearest.item)
     hit.normal = choose(is_nearer, normal, nearest.normal)
+    hit.face = wp.where(is_nearer, -1, nearest.face)
     return hit
 
 
@@ -225,18 +296,37 @@ def solid_span(solid: Solid, kind: int, origin: wp.vec3, direction: wp.vec3) -> 
     return solid_interval(kind, o, d)
 
 
-@wp.func
-def intersect_solids(
-    solids: wp.array(dtype=Solid), origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
-) -> Hit:
-    """`nearest`, or the solid before it."""
-    hit = nearest
-    for i in range(solids.shape[0]):
-        solid = solids[i]
-        span = solid_span(solid, solid.kind, origin, direction)
-        if solid.surface >= 0:
-            if start.casters == wp.uint32(0) or (solid.shadow_links & start.casters) != wp.uint32(0):
-                hit = meet_solid_surface(solid, span, origin, direction, hit)
-        else:
-            hit = meet_solid_boundary(solid, span, start, hit)
-    return hit
+def build_intersect_solids(features: Any) -> Any:
+    """The function that meets a ray with the solids of a scene of these features.
+
+    It has the arguments (solids, motions, origin, direction, start, nearest), and gives `nearest`, or the solid before
+    it.
+    """
+    meet_surface = meet_open_surface if features.passes else meet_solid_surface
+
+    @wp.func
+    def intersect_solids(
+        solids: wp.array(dtype=Solid),
+        motions: wp.array(dtype=Motion),
+        origin: wp.vec3,
+        direction: wp.vec3,
+        start: Start,
+        nearest: Hit,
+    ) -> Hit:
+        hit = nearest
+        for i in range(solids.shape[0]):
+            solid = solids[i]
+            if wp.static(features.motion):
+                solid = solid_at(solid, motions, start.time)
+            span = solid_span(solid, solid.kind, origin, direction)
+            if solid.surface >= 0:
+                if wp.static(features.links):
+                    if casts_shadow(solid.shadow_links, start.casters):
+                        hit = meet_surface(solid, span, origin, direction, start, hit)
+                else:
+                    hit = meet_surface(solid, span, origin, direction, start, hit)
+            else:
+                hit = meet_solid_boundary(solid, span, start, hit)
+        return hit
+
+    return intersect_solids

@@ -93,6 +93,16 @@ class Path:
     """Of the surface that is met, or where media differ, of the medium."""
     phase: Phase
     """Of the medium, where media differ."""
+    passes: int
+    """1: the surface that is met lets it pass, straight on."""
+    transmits: int
+    """1: it is scattered to the other side of the surface that it met."""
+    incoming: wp.vec3
+    """Throughput before the last surface."""
+    reflectance: wp.vec3
+    """Colour of the surface that is met."""
+    squeeze: float
+    """Square of the index of refraction where it is, over that at the camera: throughput is of L / n^2."""
     scatters: int
     """SURFACE or BOUNDARY (in a medium) where this event scatters the path on, else MISS."""
     wi: wp.vec3
@@ -121,6 +131,12 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"from_medium": 1}
     if features.meshes:
         sizes |= {"crossed": 1, "slack": 1}
+    if features.faces:
+        sizes |= {"face": 1, "u": 1, "v": 1}
+    if features.passes:
+        sizes |= {"passed": 1}
+    if features.motion:
+        sizes |= {"time": 1}
     if features.lone_law == "":
         sizes |= {"segment": 1, "keeps": 1} | dict.fromkeys(features.phase_parameters, 1)
     if features.surfaces or features.connections:
@@ -135,6 +151,16 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"to_light": 3, "light_distance": 1, "light_share": 3}
     if features.links:
         sizes |= {"links": 1}
+    if features.shading:
+        sizes |= {"wi": 3, "pdf_direction": 1}
+        if features.connections:
+            sizes |= {"incoming": 3}
+        if "albedo" in features.aovs:
+            sizes |= {"reflectance": 3}
+    if features.passes:
+        sizes |= {"passes": 1}
+    if features.refracts:
+        sizes |= {"transmits": 1, "squeeze": 1}
     if features.chromatic:
         sizes |= {"channel": 1, "length": 1, "channel_pdfs": 3}
     if features.frozen:
@@ -316,6 +342,14 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         if wp.static("crossed" in at):
             path.start.crossed = get_int(lanes, wp.static(at["crossed"]), i)
             path.start.slack = get(lanes, wp.static(at["slack"]), i)
+        if wp.static("face" in at):
+            path.hit.face = get_int(lanes, wp.static(at["face"]), i)
+            path.hit.u = get(lanes, wp.static(at["u"]), i)
+            path.hit.v = get(lanes, wp.static(at["v"]), i)
+        if wp.static("passed" in at):
+            path.start.passed = get(lanes, wp.static(at["passed"]), i)
+        if wp.static("time" in at):
+            path.start.time = get(lanes, wp.static(at["time"]), i)
         if wp.static("segment" in at):
             path.segment = get(lanes, wp.static(at["segment"]), i)
             path.keeps = get_int(lanes, wp.static(at["keeps"]), i)
@@ -334,8 +368,18 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.hit.normal = get3(lanes, wp.static(at["normal"]), i)
         if wp.static("pdf_direction" in at):
             path.pdf_direction = get(lanes, wp.static(at["pdf_direction"]), i)
-            path.scatters = get_int(lanes, wp.static(at["scatters"]), i)
             path.wi = get3(lanes, wp.static(at["wi"]), i)
+        if wp.static("scatters" in at):
+            path.scatters = get_int(lanes, wp.static(at["scatters"]), i)
+        if wp.static("incoming" in at):
+            path.incoming = get3(lanes, wp.static(at["incoming"]), i)
+        if wp.static("reflectance" in at):
+            path.reflectance = get3(lanes, wp.static(at["reflectance"]), i)
+        if wp.static("passes" in at):
+            path.passes = get_int(lanes, wp.static(at["passes"]), i)
+        if wp.static("transmits" in at):
+            path.transmits = get_int(lanes, wp.static(at["transmits"]), i)
+            path.squeeze = get(lanes, wp.static(at["squeeze"]), i)
         if wp.static("to_light" in at):
             path.to_light = get3(lanes, wp.static(at["to_light"]), i)
             path.light_distance = get(lanes, wp.static(at["light_distance"]), i)
@@ -404,6 +448,14 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         if wp.static("crossed" in at):
             put_int(lanes, wp.static(at["crossed"]), i, path.start.crossed)
             put(lanes, wp.static(at["slack"]), i, path.start.slack)
+        if wp.static("face" in at):
+            put_int(lanes, wp.static(at["face"]), i, path.hit.face)
+            put(lanes, wp.static(at["u"]), i, path.hit.u)
+            put(lanes, wp.static(at["v"]), i, path.hit.v)
+        if wp.static("passed" in at):
+            put(lanes, wp.static(at["passed"]), i, path.start.passed)
+        if wp.static("time" in at):
+            put(lanes, wp.static(at["time"]), i, path.start.time)
         if wp.static("segment" in at):
             put(lanes, wp.static(at["segment"]), i, path.segment)
             put_int(lanes, wp.static(at["keeps"]), i, path.keeps)
@@ -422,8 +474,18 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put3(lanes, wp.static(at["normal"]), i, path.hit.normal)
         if wp.static("pdf_direction" in at):
             put(lanes, wp.static(at["pdf_direction"]), i, path.pdf_direction)
-            put_int(lanes, wp.static(at["scatters"]), i, path.scatters)
             put3(lanes, wp.static(at["wi"]), i, path.wi)
+        if wp.static("scatters" in at):
+            put_int(lanes, wp.static(at["scatters"]), i, path.scatters)
+        if wp.static("incoming" in at):
+            put3(lanes, wp.static(at["incoming"]), i, path.incoming)
+        if wp.static("reflectance" in at):
+            put3(lanes, wp.static(at["reflectance"]), i, path.reflectance)
+        if wp.static("passes" in at):
+            put_int(lanes, wp.static(at["passes"]), i, path.passes)
+        if wp.static("transmits" in at):
+            put_int(lanes, wp.static(at["transmits"]), i, path.transmits)
+            put(lanes, wp.static(at["squeeze"]), i, path.squeeze)
         if wp.static("to_light" in at):
             put3(lanes, wp.static(at["to_light"]), i, path.to_light)
             put(lanes, wp.static(at["light_distance"]), i, path.light_distance)

@@ -10,7 +10,7 @@ import warp as wp
 
 from fgf_warp.device.geometry import LIGHT, Hit
 from fgf_warp.device.numerics import INFINITE, PI, choose, one_minus_cos_between, sincos_turns, turn, unit
-from fgf_warp.device.textures import Image, fetch_texel
+from fgf_warp.device.textures import CLAMP, REPEAT, Images, read_image
 
 DISTANT = wp.constant(0)
 RECT = wp.constant(1)
@@ -82,9 +82,7 @@ class LightTables:
     of its triangles."""
     corners: wp.array(dtype=wp.vec3)
     """Per mesh: three of each triangle, counter-clockwise seen from the side that emits."""
-    images: wp.array(dtype=Image)
-    texels: wp.array(dtype=wp.uint32)
-    float_texels: wp.array(dtype=wp.vec4)
+    images: Images
 
 
 @wp.struct
@@ -281,31 +279,12 @@ def texel_share(light: Light, tables: LightTables, column: int, row: int) -> flo
 
 
 @wp.func
-def filter_image(light: Light, tables: LightTables, s: float, t: float, is_round: bool) -> wp.vec3:
-    """Bilinear lookup of the light's image, t from the top; what is round begins anew in s, all else ends.
-
-    s, t: in [0, 1].
-    """
-    image = tables.images[light.image]
-    x = s * float(image.width) - 0.5
-    y = t * float(image.height) - 0.5
-    left = int(wp.floor(x))
-    top = int(wp.floor(y))
-    x -= float(left)
-    y -= float(top)
-    right = wp.min(left + 1, image.width - 1)
-    if is_round:
-        right = wp.where(left + 1 >= image.width, left + 1 - image.width, left + 1)
-        left = wp.where(left < 0, left + image.width, left)
-    left = wp.clamp(left, 0, image.width - 1)
-    bottom = wp.min(top + 1, image.height - 1)
-    top = wp.clamp(top, 0, image.height - 1)
-    upper = fetch_texel(image, tables.texels, tables.float_texels, left, top) * (1.0 - x)
-    upper += fetch_texel(image, tables.texels, tables.float_texels, right, top) * x
-    lower = fetch_texel(image, tables.texels, tables.float_texels, left, bottom) * (1.0 - x)
-    lower += fetch_texel(image, tables.texels, tables.float_texels, right, bottom) * x
-    filtered = upper * (1.0 - y) + lower * y
-    return wp.vec3(filtered[0], filtered[1], filtered[2])
+def filter_image(light: Light, tables: LightTables, s: float, t: float) -> wp.vec3:
+    """Bilinear lookup of the light's image, t from the top; a dome's begins anew in s, all else ends."""
+    image = tables.images.images[light.image]
+    wrap = wp.where(light.kind == DOME, REPEAT, CLAMP)
+    rgba = read_image(tables.images, image, s, 1.0 - t, wrap, CLAMP)
+    return wp.vec3(rgba[0], rgba[1], rgba[2])
 
 
 @wp.func
@@ -607,7 +586,7 @@ def build_lights(kinds: frozenset[int], has_images: bool, has_shaping: bool) -> 
                     st = rect_coordinates(light, position)
                 else:
                     st = dome_coordinates(light.to_light * direction)
-                radiance = wp.cw_mul(radiance, filter_image(light, tables, st[0], st[1], light.kind == DOME))
+                radiance = wp.cw_mul(radiance, filter_image(light, tables, st[0], st[1]))
         if wp.static(has_shaping):
             if light.is_shaped == 1:
                 radiance = wp.cw_mul(radiance, shaping(light, direction))
