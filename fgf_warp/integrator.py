@@ -73,22 +73,28 @@ from fgf_warp.device.law import (
     segment_transmittance,
 )
 from fgf_warp.device.lights import (
+    CYLINDER_LIGHT,
     DISK,
     DISTANT,
+    DOME,
+    MESH_LIGHT,
     RECT,
     SPHERE_LIGHT,
     Light,
     LightSample,
+    LightTables,
+    build_lights,
+    chance,
+    choose_light,
     cone_pdf,
     emitted_radiance,
-    intersect_lights,
     is_in_distant_light,
     light_distance,
     light_pdf,
     meet_light,
     sample_light,
 )
-from fgf_warp.device.medium import Container, Medium, ior_at, medium_at, refracting_at
+from fgf_warp.device.medium import Container, Medium, container_at, ior_at, medium_at, refracting_at
 from fgf_warp.device.numerics import INFINITE, choose, log_positive, max_component
 from fgf_warp.device.options import kernel_options
 from fgf_warp.device.phase import Phase, build_phase
@@ -121,6 +127,8 @@ SHORTEST_DEPTH = wp.constant(1.0e-30)
 """Mean optical depth below which a flight has no length: between medium vertices many have none where b is small."""
 CAMERA_RAY = wp.constant(-1.0)
 """Stands for the pdf of a direction that no light sampling competes with."""
+ALL_LINKS = wp.constant(wp.uint32(0xFFFFFFFF))
+"""Of what all lights shine on."""
 
 
 @wp.struct
@@ -147,6 +155,7 @@ class SceneData:
     """Of the laws."""
     containers: wp.array(dtype=Container)
     lights: wp.array(dtype=Light)
+    light_tables: LightTables
     camera_inside: wp.uint32
     """Containers around what camera rays begin at, where they are the same for all."""
     camera_ior: float
@@ -222,7 +231,15 @@ LAW_KINDS = {
     "exact_fbm": int(EXACT_FBM),
 }
 SOLID_KINDS = {"sphere": int(SPHERE), "cube": int(CUBE), "cylinder": int(CYLINDER)}
-LIGHT_KINDS = {"distant": int(DISTANT), "rect": int(RECT), "disk": int(DISK), "sphere": int(SPHERE_LIGHT)}
+LIGHT_KINDS = {
+    "distant": int(DISTANT),
+    "rect": int(RECT),
+    "disk": int(DISK),
+    "sphere": int(SPHERE_LIGHT),
+    "dome": int(DOME),
+    "cylinder": int(CYLINDER_LIGHT),
+    "mesh": int(MESH_LIGHT),
+}
 """What the device calls them."""
 
 
@@ -235,6 +252,12 @@ def build_program(features: RenderFeatures) -> Program:
     solid_kinds = {SOLID_KINDS[kind] for kind in features.solids}
     shaped_kinds = {LIGHT_KINDS[kind] for kind in features.shaped_lights}
     light_kinds = shaped_kinds | ({int(DISTANT)} if features.distant_lights else set())
+    all_light_kinds = frozenset(light_kinds | ({int(DOME)} if features.dome_image else set()))
+    has_light_images = features.dome_image or features.light_images
+    intersect_lights, sample_any_light, any_light_pdf, any_radiance = build_lights(
+        all_light_kinds, has_light_images, features.shaping
+    )
+    has_beyond = features.distant_lights or features.dome_image
     meets_emitters = has_surfaces or features.connections
     bsdf_count = int(LANES) if features.shading else 0
     shades, passes, refracts = features.shading, features.passes, features.refracts
@@ -463,23 +486,55 @@ def build_program(features: RenderFeatures) -> Program:
         return wp.where(path.pdf_direction == CAMERA_RAY, 1.0, power_heuristic(path.pdf_direction, pdf_light))
 
     @wp.func(inline=True)
-    def look_at_light(before: Path, light: Light, kind: int, item: int, light_count: float) -> Path:
+    def look_at_light(before: Path, light: Light, kind: int, item: int) -> Path:
         path = before
         path.hit = meet_light(light, kind, item, before.origin, before.direction, before.hit)
         is_nearer = path.hit.t < before.hit.t
         position = before.origin + before.direction * wp.where(is_nearer, path.hit.t, 0.0)
-        pdf = light_pdf(light, kind, before.origin, position, before.direction) / light_count
+        pdf = light_pdf(light, kind, before.origin, position, before.direction) * chance(light)
         met = emitted_radiance(light, kind, before.direction) * hit_weight(before, pdf)
         path.met = choose(is_nearer, met, before.met)
         return path
 
     @wp.func(inline=True)
-    def look_beyond(before: Path, light: Light, light_count: float) -> Path:
+    def look_beyond(before: Path, light: Light) -> Path:
         """At a distant light, where nothing is before it."""
         path = before
         is_seen = before.hit.kind == MISS and is_in_distant_light(light, before.direction)
-        weight = hit_weight(before, cone_pdf(light.cone) / light_count)
+        weight = hit_weight(before, cone_pdf(light.cone) * chance(light))
         path.met = before.met + light.radiance * wp.where(is_seen, weight, 0.0)
+        return path
+
+    @wp.func(inline=True)
+    def shines_on(light: Light, links: wp.uint32) -> bool:
+        """True where a light is linked to a shape with these bits, or to all."""
+        return light.link == wp.uint32(0) or (light.link & links) != wp.uint32(0)
+
+    @wp.func
+    def found_light(scene: SceneData, path: Path, light: Light, position: wp.vec3) -> wp.vec3:
+        """What the path finds of a light by itself, times its mis_weight."""
+        if wp.static(features.links):
+            is_found = light.casters == wp.uint32(0) or path.pdf_direction == CAMERA_RAY
+            if not (shines_on(light, path.links) and is_found):
+                return wp.vec3(0.0)
+        pdf = any_light_pdf(light, scene.light_tables, path.hit, path.origin, position, path.direction)
+        radiance = any_radiance(light, scene.light_tables, path.hit, position, path.direction)
+        return radiance * hit_weight(path, pdf * chance(light))
+
+    @wp.func
+    def look_at_lights(scene: SceneData, before: Path) -> Path:
+        """The same at all lights, where one path at a time looks at them, after it has looked at the shapes."""
+        path = before
+        path.hit = intersect_lights(scene.lights, before.origin, before.direction, before.hit)
+        if path.hit.kind == LIGHT and path.hit.t < path.flight:
+            position = before.origin + before.direction * path.hit.t
+            path.met = found_light(scene, path, scene.lights[path.hit.item], position)
+        if wp.static(has_beyond):
+            if path.hit.kind == MISS and path.flight >= 0.5 * INFINITE:
+                for k in range(scene.lights.shape[0]):
+                    light = scene.lights[k]
+                    if light.kind == DOME or is_in_distant_light(light, path.direction):
+                        path.met += found_light(scene, path, light, path.origin)
         return path
 
     @wp.func(inline=True)
@@ -638,7 +693,8 @@ def build_program(features: RenderFeatures) -> Program:
         if wp.static(features.meshes):
             hit = intersect_meshes(scene.meshes, origin, direction, start, hit)
         if wp.static(has_lights):
-            hit = intersect_lights(scene.lights, origin, direction, hit)
+            if start.casters == wp.uint32(0):
+                hit = intersect_lights(scene.lights, origin, direction, hit)
         return hit
 
     @wp.func
@@ -884,7 +940,20 @@ def build_program(features: RenderFeatures) -> Program:
     # ---- connect: next-event estimation.
 
     @wp.func
-    def passage(scene: SceneData, path: Path, direction: wp.vec3, distance: float, seed: wp.uint64) -> Connection:
+    def links_here(scene: SceneData, path: Path) -> wp.uint32:
+        """Of what the path has just been scattered by."""
+        if wp.static(has_surfaces):
+            if path.scatters == SURFACE:
+                return scene.surfaces[path.hit.item].light_links
+        links = wp.uint32(ALL_LINKS)
+        if wp.static(features.media):
+            links = scene.containers[container_at(scene.containers, path.start.inside)].light_links
+        return links
+
+    @wp.func
+    def passage(
+        scene: SceneData, path: Path, light: Light, direction: wp.vec3, distance: float, seed: wp.uint64
+    ) -> Connection:
         """What passes from a vertex to a light through the media between them."""
         result = Connection()
         result.transmittance = wp.vec3(1.0)
@@ -892,8 +961,12 @@ def build_program(features: RenderFeatures) -> Program:
         segment = float(0.0)
         from_medium = path.from_medium == 1
         medium = int(-1)
+        casting = ALL_LINKS
+        if wp.static(features.links):
+            start.casters = light.casters
+            casting = light.casting_containers
         if wp.static(features.media):
-            medium = medium_at(scene.containers, start.inside)
+            medium = medium_at(scene.containers, start.inside & casting)
         for _ in range(MAX_CROSSINGS):
             hit = intersect(scene, path.origin, direction, distance, start)
             beyond = int(-1)
@@ -915,7 +988,7 @@ def build_program(features: RenderFeatures) -> Program:
                     start.inside = cross_boundary(start.inside, gate)
                     start.t_min = hit.t
                     start.crossed = gate
-                    beyond = medium_at(scene.containers, start.inside)
+                    beyond = medium_at(scene.containers, start.inside & casting)
                 if medium >= 0 and (not lets_through or beyond != medium):
                     crossed = scene.media[scene.first_medium + medium]
                     rates = path.rates
@@ -966,22 +1039,18 @@ def build_program(features: RenderFeatures) -> Program:
         return draw(seed, path.pixel, path.turn, path.bounce, CONNECTION)
 
     @wp.func(inline=True)
-    def chosen_light(xi: float, light_count: int) -> int:
-        return wp.min(int(xi * float(light_count)), light_count - 1)
-
-    @wp.func(inline=True)
-    def aim_connection(before: Path, lone: Medium, towards: LightSample, light_count: int) -> Path:
+    def aim_connection(before: Path, lone: Medium, towards: LightSample, pdf_choice: float) -> Path:
         """The connection to a point of a light, as if nothing were between."""
         path = before
         path.to_light = towards.direction
         # Just short of the light, which would block itself.
         short_of = towards.distance - OFFSET * coordinate_reach(path.origin, wp.min(towards.distance, 1.0e30))
         path.light_distance = wp.where(towards.distance < INFINITE, short_of, INFINITE)
-        pdf_light = towards.pdf_solid_angle / float(light_count)
+        pdf_light = towards.pdf_solid_angle * pdf_choice
         pdf_scatter = scatter_pdf(before, lone, towards.direction)
         is_possible = before.scatters != MISS and pdf_light > 0.0 and pdf_scatter > 0.0
         pdf_light = wp.where(is_possible, pdf_light, 1.0)
-        mis_weight = wp.where(towards.is_delta == 1, 1.0, power_heuristic(pdf_light, pdf_scatter))
+        mis_weight = wp.where(towards.only_connected == 1, 1.0, power_heuristic(pdf_light, pdf_scatter))
         weight = wp.where(is_possible, pdf_scatter / pdf_light * mis_weight, 0.0)
         arriving = wp.cw_mul(towards.radiance, channel_weight(before))
         path.light_share = wp.cw_mul(before.throughput, arriving) * weight
@@ -995,7 +1064,7 @@ def build_program(features: RenderFeatures) -> Program:
         scattered = eval_bsdf(scene.shading.albedos, bsdf, towards.direction)
         pdf_light = towards.pdf_solid_angle * pdf_choice
         if pdf_light > 0.0:
-            mis_weight = wp.where(towards.is_delta == 1, 1.0, power_heuristic(pdf_light, scattered[3]))
+            mis_weight = wp.where(towards.only_connected == 1, 1.0, power_heuristic(pdf_light, scattered[3]))
             value = wp.vec3(scattered[0], scattered[1], scattered[2]) * (mis_weight / pdf_light)
             arriving = wp.cw_mul(towards.radiance, channel_weight(before))
             path.light_share = wp.cw_mul(before.incoming, wp.cw_mul(value, arriving))
@@ -1022,20 +1091,27 @@ def build_program(features: RenderFeatures) -> Program:
             is_shaded = before.scatters == SURFACE
         if not is_shaded:
             path.pdf_direction = scatter_pdf(path, lone, path.wi)
-        light_count = scene.lights.shape[0]
         xi = light_place(path, seed)
-        light = scene.lights[chosen_light(xi[0], light_count)]
-        towards = sample_light(light, light.kind, path.origin, xi[1], xi[2])
-        path = aim_connection(path, lone, towards, light_count)
+        light = scene.lights[choose_light(scene.lights, xi[0])]
+        towards = LightSample()
+        if wp.static(features.intricate_lights):
+            towards = sample_any_light(light, scene.light_tables, path.origin, xi[1], xi[2])
+        else:
+            towards = sample_light(light, light.kind, path.origin, xi[1], xi[2])
+        if wp.static(features.links):
+            path.links = links_here(scene, path)
+            if not shines_on(light, path.links):
+                return path
+        path = aim_connection(path, lone, towards, chance(light))
         if wp.static(shades):
             if is_shaded:
-                path = light_surface(scene, path, bsdf, towards, 1.0 / float(light_count))
+                path = light_surface(scene, path, bsdf, towards, chance(light))
         if max_component(path.light_share) > 0.0:
             lit = path
             if wp.static(refracts):
                 if is_shaded:
                     lit = face_light(scene, path, path.to_light)
-            link = passage(scene, lit, path.to_light, path.light_distance, seed)
+            link = passage(scene, lit, light, path.to_light, path.light_distance, seed)
             path.truncated = wp.max(path.truncated, link.truncated)
             share = path.light_share
             if wp.static(refracts):
@@ -1052,14 +1128,12 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func(inline=True)
-    def aim_at_light(
-        before: Path, lone: Medium, seed: wp.uint64, light: Light, kind: int, item: int, light_count: int
-    ) -> Path:
+    def aim_at_light(before: Path, lone: Medium, seed: wp.uint64, light: Light, kind: int) -> Path:
         """The connection, where this is the light."""
         path = before
         xi = light_place(before, seed)
-        aimed = aim_connection(before, lone, sample_light(light, kind, before.origin, xi[1], xi[2]), light_count)
-        is_chosen = chosen_light(xi[0], light_count) == item
+        aimed = aim_connection(before, lone, sample_light(light, kind, before.origin, xi[1], xi[2]), chance(light))
+        is_chosen = xi[0] >= light.first_chance and xi[0] < light.last_chance
         path.to_light = choose(is_chosen, aimed.to_light, before.to_light)
         path.light_distance = wp.where(is_chosen, aimed.light_distance, before.light_distance)
         path.light_share = choose(is_chosen, aimed.light_share, before.light_share)
@@ -1172,6 +1246,7 @@ def build_program(features: RenderFeatures) -> Program:
         path.first_depth = INFINITE
         path.first_transmittance = wp.vec3(1.0, 1.0, 1.0)
         path.medium = -1
+        path.links = ALL_LINKS
         path.rates = wp.vec3(NOT_FROZEN)
         path.squeeze = 1.0
         if wp.static(features.chromatic):
@@ -1288,7 +1363,6 @@ def build_program(features: RenderFeatures) -> Program:
     def look(scene: SceneData, before: Path) -> Path:
         """One path's look at the whole scene."""
         path = before
-        light_count = float(scene.lights.shape[0])
         if wp.static(lone_solid):
             solid = scene.solids[scene.lone_solid]
             path = look_at_lone_solid(path, solid, solid.kind)
@@ -1297,14 +1371,17 @@ def build_program(features: RenderFeatures) -> Program:
             path = look_at_solids(scene, path)
         if wp.static(features.meshes):
             path = look_at_meshes(scene, path)
-        if wp.static(features.connections):
-            for k in range(scene.lights.shape[0]):
-                light = scene.lights[k]
-                if light.kind != DISTANT:
-                    path = look_at_light(path, light, light.kind, k, light_count)
-        if wp.static(features.distant_lights):
-            for k in range(scene.lights.shape[0]):
-                path = look_beyond(path, scene.lights[k], light_count)
+        if wp.static(features.intricate_lights):
+            path = look_at_lights(scene, path)
+        else:
+            if wp.static(has_lights):
+                for k in range(scene.lights.shape[0]):
+                    light = scene.lights[k]
+                    if light.kind != DISTANT:
+                        path = look_at_light(path, light, light.kind, k)
+            if wp.static(features.distant_lights):
+                for k in range(scene.lights.shape[0]):
+                    path = look_beyond(path, scene.lights[k])
         return path
 
     @wp.kernel(module="unique", module_options=kernel_options(features.meshes))
@@ -1504,7 +1581,12 @@ def build_program(features: RenderFeatures) -> Program:
                     path = load(lanes, i)
                     if path.alive == 1:
                         store(lanes, i, look_at_meshes(scene, path))
-            if wp.static(features.connections):
+            if wp.static(features.intricate_lights):
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    if path.alive == 1:
+                        store(lanes, i, look_at_lights(scene, path))
+            elif wp.static(features.connections):
                 for k in range(light_count):
                     light = scene.lights[k]
                     if wp.static(has_lights):
@@ -1513,13 +1595,13 @@ def build_program(features: RenderFeatures) -> Program:
                                 if light.kind == kind:
                                     for i in range(LANES):
                                         path = load(lanes, i)
-                                        store(lanes, i, look_at_light(path, light, kind, k, float(light_count)))
+                                        store(lanes, i, look_at_light(path, light, kind, k))
                 if wp.static(features.distant_lights):
                     for k in range(light_count):
                         light = scene.lights[k]
                         for i in range(LANES):
                             path = load(lanes, i)
-                            store(lanes, i, look_beyond(path, light, float(light_count)))
+                            store(lanes, i, look_beyond(path, light))
             if wp.static(shades):
                 for i in range(LANES):
                     path = load(lanes, i)
@@ -1557,7 +1639,7 @@ def build_program(features: RenderFeatures) -> Program:
                             if light.kind == kind:
                                 for i in range(LANES):
                                     path = load(lanes, i)
-                                    store(lanes, i, aim_at_light(path, lone, seed, light, kind, k, light_count))
+                                    store(lanes, i, aim_at_light(path, lone, seed, light, kind))
                 if wp.static(has_surfaces and has_solids):
                     for s in range(scene.solids.shape[0]):
                         solid = scene.solids[s]

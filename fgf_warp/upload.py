@@ -12,22 +12,18 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.device import camera as camera_device
-from fgf_warp.device import geometry, law, lights, medium, numerics, phase, surfaces, tables
+from fgf_warp.device import geometry, law, medium, numerics, phase, surfaces, tables
 from fgf_warp.errors import UnsupportedFeatureError
-from fgf_warp.integrator import LAW_KINDS, LIGHT_KINDS, SOLID_KINDS, Limits, SceneData
+from fgf_warp.integrator import LAW_KINDS, SOLID_KINDS, Limits, SceneData
 from fgf_warp.scene import (
     MAX_CONTAINERS,
-    AreaLight,
     Camera,
-    DistantLight,
     DomeLight,
     Medium,
     MeshInstance,
     Scene,
     Shape,
     Solid,
-    SphereLight,
-    Surface,
     encloses,
     shape_bounds,
     unit_axes,
@@ -36,6 +32,7 @@ from fgf_warp.settings import RenderSettings
 from fgf_warp.theory import fbm, kernels
 from fgf_warp.theory.law import LineLaw
 from fgf_warp.theory.mixture import RateMixture, mix_exact_rates, mix_rates
+from fgf_warp.upload_lights import build_device_lights, connected_lights
 from fgf_warp.upload_meshes import (
     build_device_meshes,
     is_open,
@@ -92,20 +89,19 @@ def upload(
             f"{scene.source}: {len(containers)} shapes are filled with media; accepted: at most {MAX_CONTAINERS}"
         )
     solids = [shape for shape in shapes if isinstance(shape, Solid)]
-    lights_met = [light for light in scene.lights if not isinstance(light, DomeLight)]
     rows = LawTables()
     media = [_medium(item, index, scene, rows) for own in media_of_images for index, item in enumerate(own)]
 
     data = SceneData()
     data.camera = _camera(scene.camera, settings.width, settings.height)
-    data.environment = wp.vec3(*_dome_radiance(scene))
+    data.environment = wp.vec3(*_environment(scene))
     data.solids = _upload_solids(shapes, device)
     filled = [k for k, solid in enumerate(solids) if solid.medium is not None]
     data.lone_solid = filled[0] if filled else -1
-    data.meshes = build_device_meshes(shapes, lights_met, device)
+    data.meshes = build_device_meshes(shapes, connected_lights(scene), device)
     data.motions = data.meshes.motions
     data.surfaces = wp.array(
-        [_surface(s.surface) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
+        [_surface(s) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
     )
     if shading:
         data.shading = build_device_shading(shapes, containers, device)
@@ -114,7 +110,7 @@ def upload(
     data.tables = rows.upload(device)
     iors = indices_of_refraction(containers)
     data.containers = wp.array([_container(s, scene, iors) for s in containers], dtype=medium.Container, device=device)
-    data.lights = wp.array([build_device_light(light) for light in lights_met], dtype=lights.Light, device=device)
+    data.lights, data.light_tables = build_device_lights(scene, containers, device)
     low, high = scene.camera.start_bounds(settings.width, settings.height)
     inside = containers_around((low + high) / 2, containers)
     data.camera_inside = wp.uint32(inside)
@@ -255,6 +251,7 @@ def _container(shape: Shape, scene: Scene, iors: Sequence[float]) -> Any:
     result = medium.Container()
     result.medium = shape.medium
     result.priority = scene.media[shape.medium].priority
+    result.light_links = shape.light_links
     if is_open(shape) and shape.surface is not None:
         result.ior, result.ior_number = shape.surface.ior, iors.index(shape.surface.ior)
     return result
@@ -285,8 +282,11 @@ def _upload_solids(shapes: Sequence[Shape], device: str) -> wp.array:
     )
 
 
-def _surface(surface: Surface) -> Any:
+def _surface(shape: Shape) -> Any:
+    surface = shape.surface
+    assert surface is not None
     result = surfaces.Surface()
+    result.light_links = shape.light_links
     # What varies is read where surfaces are shaded.
     if surface.is_matte and isinstance(surface.diffuse, tuple) and isinstance(surface.emission, tuple):
         result.diffuse = wp.vec3(*surface.diffuse)
@@ -317,31 +317,7 @@ def _camera_axes(matrix: np.ndarray) -> tuple[wp.vec3, wp.vec3, wp.vec3]:
     return wp.vec3(*axes[:, 0]), wp.vec3(*axes[:, 1]), wp.vec3(*-axes[:, 2])
 
 
-def _dome_radiance(scene: Scene) -> np.ndarray:
-    domes = [light.radiance for light in scene.lights if isinstance(light, DomeLight)]
+def _environment(scene: Scene) -> np.ndarray:
+    """Radiance of all domes that are the same everywhere."""
+    domes = [light.radiance for light in scene.lights if isinstance(light, DomeLight) and light.is_plain]
     return np.sum(domes, axis=0) if domes else np.zeros(3)
-
-
-def build_device_light(light: DistantLight | AreaLight | SphereLight) -> Any:
-    """The device's view of a light that paths connect to."""
-    result = lights.Light()
-    result.radiance = wp.vec3(*light.radiance)
-    if isinstance(light, DistantLight):
-        result.kind = lights.DISTANT
-        result.center = -wp.vec3(*light.direction)
-        result.cone = 2 * math.sin(light.half_angle / 2) ** 2
-        return result
-    result.center = wp.vec3(*light.center)
-    if isinstance(light, SphereLight):
-        result.kind = lights.SPHERE_LIGHT
-        result.radius = light.radius
-        return result
-    halves = np.array([light.half_u, light.half_v])
-    normal = np.cross(*halves)
-    duals = np.linalg.pinv(halves).T
-    result.kind = LIGHT_KINDS[light.shape]
-    result.half_u, result.half_v = wp.vec3(*halves[0]), wp.vec3(*halves[1])
-    result.dual_u, result.dual_v = wp.vec3(*duals[0]), wp.vec3(*duals[1])
-    result.normal = wp.vec3(*(normal / np.linalg.norm(normal)))
-    result.area = light.area
-    return result

@@ -58,6 +58,8 @@ class Path:
     """1: the segment began at a medium vertex, and its flight remembers the last one."""
     pdf_direction: float
     """pdf_solid_angle with which the path last scattered, at the ray's origin."""
+    links: wp.uint32
+    """Of the shape where the path last scattered: which linked lights shine there."""
     rates: wp.vec3
     """Per channel, at which the path is frozen in its medium, or NOT_FROZEN; equal unless the scene is chromatic."""
     channel: int
@@ -147,6 +149,8 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"pdf_direction": 1, "scatters": 1, "wi": 3}
     if features.connects_in_lanes:
         sizes |= {"to_light": 3, "light_distance": 1, "light_share": 3}
+    if features.links:
+        sizes |= {"links": 1}
     if features.shading:
         sizes |= {"wi": 3, "pdf_direction": 1}
         if features.connections:
@@ -380,6 +384,8 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.to_light = get3(lanes, wp.static(at["to_light"]), i)
             path.light_distance = get(lanes, wp.static(at["light_distance"]), i)
             path.light_share = get3(lanes, wp.static(at["light_share"]), i)
+        if wp.static("links" in at):
+            path.links = wp.uint32(get_int(lanes, wp.static(at["links"]), i))
         if wp.static("channel" in at):
             path.channel = get_int(lanes, wp.static(at["channel"]), i)
             path.length = get(lanes, wp.static(at["length"]), i)
@@ -484,6 +490,8 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put3(lanes, wp.static(at["to_light"]), i, path.to_light)
             put(lanes, wp.static(at["light_distance"]), i, path.light_distance)
             put3(lanes, wp.static(at["light_share"]), i, path.light_share)
+        if wp.static("links" in at):
+            put_int(lanes, wp.static(at["links"]), i, wp.int32(path.links))
         if wp.static("channel" in at):
             put_int(lanes, wp.static(at["channel"]), i, path.channel)
             put(lanes, wp.static(at["length"]), i, path.length)
