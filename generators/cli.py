@@ -17,7 +17,7 @@ import typer
 from typer.core import TyperGroup
 
 from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError, OutputError
-from fgf_warp.settings import PRESETS, Aov, RenderSettings, Sampler
+from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -124,7 +124,9 @@ def render(
     png: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Write an sRGB view too.")] = None,
     aov: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help=f"Only these planes, repeatable: {', '.join(Aov)}; default: all."),
+        typer.Option(
+            metavar="NAME", help=f"Only these planes, repeatable: {', '.join(Aov)}; default: those up to prim_id."
+        ),
     ] = None,
     explain: Annotated[
         bool, typer.Option("--explain", help="Say what the kernel is built for and why, and render nothing.")
@@ -437,7 +439,7 @@ def _warn(warnings: Sequence[str]) -> None:
 
 def _choose_aovs(names: list[str] | None) -> frozenset[Aov]:
     if not names:
-        return frozenset(Aov)
+        return USUAL_AOVS
     unknown = [name for name in names if name not in list(Aov)]
     if unknown:
         raise ConfigError(f"--aov {unknown[0]}: accepted: {', '.join(Aov)}")

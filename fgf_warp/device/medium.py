@@ -34,14 +34,24 @@ class Container:
 
 
 @wp.func
-def medium_at(containers: wp.array(dtype=Container), inside: wp.uint32) -> int:
-    """The medium that fills the space: of the containers around it the one of highest priority; -1 for none."""
-    medium = int(-1)
+def container_at(containers: wp.array(dtype=Container), inside: wp.uint32) -> int:
+    """The container whose medium fills the space: of those around it the one of highest priority; -1 for none."""
+    found = int(-1)
     priority = int(-2147483648)
     for i in range(containers.shape[0]):
         if is_inside(inside, i):
             container = containers[i]
-            if medium < 0 or container.priority > priority:
-                medium = container.medium
+            if found < 0 or container.priority > priority:
+                found = i
                 priority = container.priority
+    return found
+
+
+@wp.func
+def medium_at(containers: wp.array(dtype=Container), inside: wp.uint32) -> int:
+    """The medium that fills the space; -1 for none."""
+    container = container_at(containers, inside)
+    medium = int(-1)
+    if container >= 0:
+        medium = containers[container].medium
     return medium
