@@ -99,6 +99,11 @@ class RenderFeatures:
         return bool(self.shaped_lights) or self.distant_lights or self.dome_image
 
     @property
+    def faces(self) -> bool:
+        """True where it matters which triangle of a mesh is met, and where on it."""
+        return self.meshes and (self.shading or "mesh" in self.shaped_lights)
+
+    @property
     def crossings(self) -> bool:
         """True where paths cross boundaries of media one by one."""
         return self.media and not self.lone_solid

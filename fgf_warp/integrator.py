@@ -20,7 +20,7 @@ import warp as wp
 
 from fgf_warp.device import fbm
 from fgf_warp.device import lanes as lanes_module
-from fgf_warp.device.bvh import Bvh, intersect_meshes
+from fgf_warp.device.bvh import Bvh, build_intersect_meshes
 from fgf_warp.device.camera import Camera, camera_at, camera_direction, camera_ray, far_distance, film_point
 from fgf_warp.device.film import Film, Sample, Tally, add_sample
 from fgf_warp.device.geometry import (
@@ -243,6 +243,7 @@ def build_program(features: RenderFeatures) -> Program:
     draw_more = draw_more_lattice if is_lattice else draw_more_independent
     pool_floats, sum_count = lane_floats(features), tally_floats(features)
     eval_phase, sample_phase = build_phase(features.phases)
+    intersect_meshes = build_intersect_meshes(features)
     load, store = lanes_module.build_lanes(features)
     load_tally, store_tally = lanes_module.build_tallies(features)
 
@@ -412,7 +413,7 @@ def build_program(features: RenderFeatures) -> Program:
     def look_at_surface(before: Path, solid: Solid, kind: int, surface: Surface) -> Path:
         path = before
         span = solid_span(solid, kind, before.origin, before.direction)
-        path.hit = meet_solid_surface(solid, span, before.origin, before.direction, before.hit)
+        path.hit = meet_solid_surface(solid, span, before.origin, before.direction, before.start, before.hit)
         is_nearer = path.hit.t < before.hit.t
         path.albedo = choose(is_nearer, surface.diffuse, before.albedo)
         path.met = choose(is_nearer, surface.emission, before.met)
@@ -854,7 +855,7 @@ def build_program(features: RenderFeatures) -> Program:
 
     @wp.func(inline=True)
     def block_by_surface(before: Path, solid: Solid, kind: int) -> Path:
-        return block(before, surface_distance(solid_span(solid, kind, before.origin, before.to_light)))
+        return block(before, surface_distance(solid_span(solid, kind, before.origin, before.to_light), 0.0))
 
     @wp.func(inline=True)
     def block_by_light(before: Path, light: Light, kind: int) -> Path:

@@ -365,6 +365,17 @@ class Medium:
         return self.transport == "mixed" and any(not law.is_exponential for law in self.channel_laws)
 
     @property
+    def mean_cosine(self) -> float:
+        """Of the angle by which the phase function scatters; Draine's follows from the moments of Henyey-Greenstein.
+
+        The mean of P_n(cos) of Henyey-Greenstein is g^n, so that of cos^2 is (1 + 2 g^2) / 3 and that of cos^3 is
+        (3 g + 2 g^3) / 5.
+        """
+        g, alpha = self.asymmetry, self.draine_alpha
+        first = g * (1 + alpha * (3 + 2 * g**2) / 5) / (1 + alpha * (1 + 2 * g**2) / 3)
+        return (1 - self.back_weight) * first + self.back_weight * self.back_asymmetry
+
+    @property
     def is_chromatic(self) -> bool:
         """True where the channels differ in extinction."""
         return len(set(self.extinction_color)) > 1
@@ -429,7 +440,7 @@ class TextureInput:
 
     Args:
         texture: what is read.
-        primvar: name of the texture coordinates; a shape that has none of that name is read at `st`.
+        primvar: name of the texture coordinates, empty for none; a shape that has none of that name is read at `st`.
         st: texture coordinates of such shapes.
         transform: two rows of three, applied to (s, t, 1).
         channels: ``rgb``, or one of ``r``, ``g``, ``b`` and ``a``.
@@ -517,7 +528,7 @@ class Surface:
     @property
     def primvars(self) -> frozenset[str]:
         """Names of what it reads from the shape."""
-        return frozenset(value.primvar for value in self.inputs)
+        return frozenset(value.primvar for value in self.inputs if value.primvar)
 
     @property
     def is_matte(self) -> bool:

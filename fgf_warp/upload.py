@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -21,8 +21,11 @@ from fgf_warp.scene import (
     Camera,
     DistantLight,
     DomeLight,
+    Light,
     Medium,
     Mesh,
+    MeshInstance,
+    MeshLight,
     Scene,
     Shape,
     Solid,
@@ -80,7 +83,13 @@ def upload(
         raise UnsupportedFeatureError(
             f"{scene.source}: {len(containers)} shapes are filled with media; accepted: at most {MAX_CONTAINERS}"
         )
-    solids = [_solid(shape, shapes, containers) for shape in shapes if isinstance(shape, Solid)]
+    surface_of, container_of = number_surfaces(shapes), number_containers(shapes)
+    solids = [
+        _solid(shape, surface_of.get(shape, -1), container_of.get(shape, -1))
+        for shape in shapes
+        if isinstance(shape, Solid)
+    ]
+    lights_met = [light for light in scene.lights if not isinstance(light, DomeLight)]
     rows = LawTables()
     media = [_medium(item, index, scene, rows) for own in media_of_images for index, item in enumerate(own)]
 
@@ -90,7 +99,7 @@ def upload(
     data.solids = wp.array(solids, dtype=geometry.Solid, device=device)
     filled = [k for k, solid in enumerate(solids) if solid.container >= 0]
     data.lone_solid = filled[0] if filled else -1
-    data.meshes = build_device_meshes(shapes, containers, device)
+    data.meshes = build_device_meshes(shapes, lights_met, device)
     data.surfaces = wp.array(
         [_surface(s.surface) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
     )
@@ -101,24 +110,29 @@ def upload(
     if settings.aovs & {*PRIM_AOVS, Aov.MOTION}:
         data.surface_prims = _prims([shape for shape in shapes if shape.surface is not None], scene, device)
         data.container_prims = _prims(containers, scene, device)
-    data.lights = wp.array(
-        [build_device_light(light) for light in scene.lights if not isinstance(light, DomeLight)],
-        dtype=lights.Light,
-        device=device,
-    )
+    data.lights = wp.array([build_device_light(light) for light in lights_met], dtype=lights.Light, device=device)
     low, high = scene.camera.start_bounds(settings.width, settings.height)
     data.camera_inside = wp.uint32(containers_around((low + high) / 2, containers))
     if scene.shapes_around_starts(settings.width, settings.height):
         lows, highs = zip(*(shape_bounds(shape) for shape in containers), strict=True)
         low, high = np.min(lows, axis=0), np.max(highs, axis=0)
         data.media_center, data.media_radius = wp.vec3(*(low + high) / 2), float(np.linalg.norm(high - low))
-        data.boundaries = build_device_meshes(containers, containers, device, are_bare=True)
+        data.boundaries = build_device_meshes([_bare(shape) for shape in containers], [], device)
     data.seeds = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
 
     limits = Limits()
     limits.max_depth = settings.max_depth
     limits.roulette_depth = settings.roulette_depth
     return UploadedScene(data, limits)
+
+
+def _bare(shape: Shape) -> Shape:
+    """The shape as a mere boundary."""
+    if shape.surface is None:
+        return shape
+    if isinstance(shape, MeshInstance):
+        return replace(shape, mesh=replace(shape.mesh, surface=None))
+    return replace(shape, surface=None)
 
 
 def containers_around(point: np.ndarray, containers: Sequence[Shape]) -> int:
@@ -221,25 +235,49 @@ def _flights(line: fbm.ExactFbm, farthest: float, rows: LawTables, *, from_mediu
     return result
 
 
-def build_device_meshes(
-    shapes: Sequence[Shape], containers: Sequence[Shape], device: str, *, are_bare: bool = False
-) -> Any:
-    """The device's view of all meshes among `shapes`; bits of `inside` are places in `containers`.
+def build_device_meshes(shapes: Sequence[Shape], lights_met: Sequence[Light], device: str) -> Any:
+    """The device's view of all triangles.
 
-    With `are_bare` they are boundaries without surfaces.
+    Args:
+        shapes: whose meshes there are; surfaces, and bits of `inside`, are numbered in their order.
+        lights_met: among which those of triangles are; lights are numbered in their order.
+        device: to copy them to.
     """
-    meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
-    tree = build_wide_tree([np.asarray(mesh.points, dtype=np.float32)[mesh.triangles] for mesh in meshes])
+    surface_of, container_of = number_surfaces(shapes), number_containers(shapes)
+    corners: list[np.ndarray] = []
+    rows: list[tuple] = []
+    for shape in shapes:
+        if isinstance(shape, Mesh):
+            corners.append(np.asarray(shape.points, dtype=np.float32)[shape.triangles])
+            rows.append((surface_of.get(shape, -1), container_of.get(shape, -1), -1, shape.shadow_links))
+    for index, light in enumerate(lights_met):
+        if isinstance(light, MeshLight):
+            corners.append(light.corners.astype(np.float32))
+            rows.append((-1, -1, index, 0))
+    tree = build_wide_tree(corners)
     result = bvh.Bvh()
     result.boxes = wp.array(tree.boxes, dtype=bvh.vec8, device=device)
     result.children = wp.array(tree.children, dtype=bvh.vec8i, device=device)
     result.triangles = wp.array(tree.triangles, dtype=bvh.vec8, device=device)
     result.owners = wp.array(tree.owners, dtype=bvh.vec8i, device=device)
-    owners = [_mesh(mesh, shapes, containers) for mesh in meshes]
-    for owner in owners:
-        owner.surface = -1 if are_bare else owner.surface
-    result.meshes = wp.array(owners, dtype=bvh.Mesh, device=device)
+    result.faces = wp.array(tree.faces, dtype=bvh.vec8i, device=device)
+    result.meshes = _structs(rows, bvh.Mesh, device)
     return result
+
+
+def _structs(rows: Sequence[tuple], dtype: Any, device: str) -> wp.array:
+    """An array of structs, each from the tuple of its fields; a list of structs would take a hundred times as long."""
+    return wp.array(np.array(rows, dtype=dtype.numpy_dtype()), dtype=dtype, device=device)
+
+
+def number_surfaces(shapes: Sequence[Shape]) -> dict[Shape, int]:
+    """The index of each shape's surface, of those that have one."""
+    return {shape: index for index, shape in enumerate(shape for shape in shapes if shape.surface is not None)}
+
+
+def number_containers(shapes: Sequence[Shape]) -> dict[Shape, int]:
+    """The bit of each shape that a medium fills."""
+    return {shape: bit for bit, shape in enumerate(shape for shape in shapes if shape.medium is not None)}
 
 
 def _medium(item: Medium, index: int, scene: Scene, rows: LawTables) -> Any:
@@ -300,30 +338,15 @@ def _prims(shapes: Sequence[Shape], scene: Scene, device: str) -> wp.array:
     return wp.array(rows, dtype=prim, device=device)
 
 
-def _solid(shape: Solid, shapes: Sequence[Shape], containers: Sequence[Shape]) -> Any:
+def _solid(shape: Solid, surface: int, container: int) -> Any:
     to_object = np.linalg.inv(shape.object_to_world)
     result = geometry.Solid()
     result.kind = SOLID_KINDS[shape.kind]
     result.to_object = wp.mat33(*to_object[:3, :3].flatten())
     result.to_object_offset = wp.vec3(*to_object[:3, 3])
-    result.surface, result.container = _surface_index(shape, shapes), _container_bit(shape, containers)
+    result.surface, result.container = surface, container
+    result.shadow_links = shape.shadow_links
     return result
-
-
-def _mesh(shape: Mesh, shapes: Sequence[Shape], containers: Sequence[Shape]) -> Any:
-    result = bvh.Mesh()
-    result.surface, result.container = _surface_index(shape, shapes), _container_bit(shape, containers)
-    return result
-
-
-def _surface_index(shape: Shape, shapes: Sequence[Shape]) -> int:
-    if shape.surface is None:
-        return -1
-    return [other for other in shapes if other.surface is not None].index(shape)
-
-
-def _container_bit(shape: Shape, containers: Sequence[Shape]) -> int:
-    return containers.index(shape) if shape.medium is not None else -1
 
 
 def _surface(surface: Surface) -> Any:

@@ -132,6 +132,12 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"from_medium": 1}
     if features.meshes:
         sizes |= {"crossed": 1, "slack": 1}
+    if features.faces:
+        sizes |= {"face": 1, "u": 1, "v": 1}
+    if features.passes:
+        sizes |= {"passed": 1}
+    if features.motion:
+        sizes |= {"time": 1}
     if features.lone_law == "":
         sizes |= {"segment": 1, "keeps": 1} | dict.fromkeys(features.phase_parameters, 1)
     if features.surfaces or features.connections:
@@ -365,6 +371,14 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         if wp.static("crossed" in at):
             path.start.crossed = get_int(lanes, wp.static(at["crossed"]), i)
             path.start.slack = get(lanes, wp.static(at["slack"]), i)
+        if wp.static("face" in at):
+            path.hit.face = get_int(lanes, wp.static(at["face"]), i)
+            path.hit.u = get(lanes, wp.static(at["u"]), i)
+            path.hit.v = get(lanes, wp.static(at["v"]), i)
+        if wp.static("passed" in at):
+            path.start.passed = get(lanes, wp.static(at["passed"]), i)
+        if wp.static("time" in at):
+            path.start.time = get(lanes, wp.static(at["time"]), i)
         if wp.static("segment" in at):
             path.segment = get(lanes, wp.static(at["segment"]), i)
             path.keeps = get_int(lanes, wp.static(at["keeps"]), i)
@@ -465,6 +479,14 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         if wp.static("crossed" in at):
             put_int(lanes, wp.static(at["crossed"]), i, path.start.crossed)
             put(lanes, wp.static(at["slack"]), i, path.start.slack)
+        if wp.static("face" in at):
+            put_int(lanes, wp.static(at["face"]), i, path.hit.face)
+            put(lanes, wp.static(at["u"]), i, path.hit.u)
+            put(lanes, wp.static(at["v"]), i, path.hit.v)
+        if wp.static("passed" in at):
+            put(lanes, wp.static(at["passed"]), i, path.start.passed)
+        if wp.static("time" in at):
+            put(lanes, wp.static(at["time"]), i, path.start.time)
         if wp.static("segment" in at):
             put(lanes, wp.static(at["segment"]), i, path.segment)
             put_int(lanes, wp.static(at["keeps"]), i, path.keeps)

@@ -100,7 +100,7 @@ def test_render_writes_every_plane_at_the_cameras_aspect(tmp_path, stage, fake_r
     assert fgf("render", stage, "-o", tmp_path / "a.exr", "--imageHeight", 10, "--spp", 1).exit_code == 0
     channels, _ = read_exr(tmp_path / "a.exr")
     assert channels["R"].shape == (10, 10)
-    assert len(channels) == 4 + 2 * 1 + 5 * 3
+    assert len(channels) == 4 + 3 * 1 + 6 * 3
 
 
 def test_render_reports_paths_that_were_cut(tmp_path, stage, fake_renderer, monkeypatch):
