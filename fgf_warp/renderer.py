@@ -51,10 +51,10 @@ MEAN_AOVS = (
     Aov.DIRECT,
 )
 """Planes of vectors that are means over the samples; the film has their sums under the same names."""
-DEVELOPING_BYTES = 120
-"""Per pixel, while the image of a film is made: float64 values on the way to its planes."""
-PLANE_BYTES = 16
-"""Of each plane, at most and on the average."""
+DEVELOPING_BYTES = 128
+"""Per pixel, while the image of a film is made: radiance and its variance, and float64 values on the way to planes."""
+PLANE_BYTES = 12
+"""Per pixel of each further plane, at most: three channels of float32."""
 
 _build_lock = threading.Lock()
 
@@ -181,7 +181,7 @@ def image_bytes(settings: RenderSettings) -> int:
     film = 2 * 24 + 8 + 2 * 4  # radiance and its square, alpha, two counts
     film += 24 * len(_summed(settings)) + 4 * (Aov.DEPTH in settings.aovs)
     film += 8 * (Aov.SCATTERINGS in settings.aovs) + 3 * 4 * bool(settings.aovs & PRIM_AOVS)
-    return settings.width * settings.height * (film + DEVELOPING_BYTES)
+    return settings.width * settings.height * (film + DEVELOPING_BYTES + PLANE_BYTES * len(settings.aovs))
 
 
 def _summed(settings: RenderSettings) -> set[Aov]:

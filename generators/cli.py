@@ -166,8 +166,8 @@ def render(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help=f"Only these planes, repeatable: {', '.join(Aov)}; default: as the stage's RenderVars say, or those up "
-            "to prim_id.",
+            help=f"Only these planes, repeatable: {', '.join(Aov)}; default: as the stage's RenderVars say, or those "
+            "up to prim_id.",
         ),
     ] = None,
     explain: Annotated[

@@ -83,6 +83,7 @@ def test_the_memory_that_an_image_is_said_to_need_is_what_it_takes(monkeypatch):
     """Its films are counted as they are, down to the byte."""
     settings = replace(SETTINGS, aovs=frozenset(Aov))
     monkeypatch.setattr(renderer, "DEVELOPING_BYTES", 0)
+    monkeypatch.setattr(renderer, "PLANE_BYTES", 0)
     film = renderer.begin(renderer.build_model(furnace(), settings)).film
     own = (
         "radiance",
