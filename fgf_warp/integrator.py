@@ -98,6 +98,7 @@ from fgf_warp.device.medium import Container, Medium, container_at, ior_at, medi
 from fgf_warp.device.numerics import INFINITE, choose, log_positive, max_component
 from fgf_warp.device.options import kernel_options
 from fgf_warp.device.phase import Phase, build_phase
+from fgf_warp.device.prims import Prim, image_motion
 from fgf_warp.device.rng import (
     CAMERA,
     CONNECTION,
@@ -115,7 +116,7 @@ from fgf_warp.device.shading import Shade, Shading, read_surface
 from fgf_warp.device.surfaces import Surface, diffuse_pdf, sample_diffuse
 from fgf_warp.device.tables import draw_from
 from fgf_warp.features import RenderFeatures
-from fgf_warp.settings import Aov
+from fgf_warp.settings import PRIM_AOVS, SPLIT_AOVS, Aov
 
 lane_floats, tally_floats = lanes_module.lane_floats, lanes_module.tally_floats
 
@@ -154,6 +155,9 @@ class SceneData:
     tables: wp.array(dtype=wp.vec3)
     """Of the laws."""
     containers: wp.array(dtype=Container)
+    surface_prims: wp.array(dtype=Prim)
+    container_prims: wp.array(dtype=Prim)
+    """Of each of the surfaces and the containers, where a plane tells of them."""
     lights: wp.array(dtype=Light)
     light_tables: LightTables
     camera_inside: wp.uint32
@@ -247,7 +251,11 @@ LIGHT_KINDS = {
 def build_program(features: RenderFeatures) -> Program:
     """The kernels that render scenes of these features; compiled when they are first loaded on a device."""
     moves = features.lens and features.motion
-    sees_first_segment = bool(features.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE})
+    sees_first_segment = bool(features.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE, Aov.OPTICAL_DEPTH})
+    sees_segment_length = bool(features.aovs & {Aov.TRANSMITTANCE, Aov.OPTICAL_DEPTH})
+    tells_prims = bool(features.aovs & PRIM_AOVS)
+    sees_prims = tells_prims or (features.motion and Aov.MOTION in features.aovs)
+    splits = bool(features.aovs & SPLIT_AOVS)
     has_surfaces, has_lights, has_solids = features.surfaces, bool(features.shaped_lights), bool(features.solids)
     solid_kinds = {SOLID_KINDS[kind] for kind in features.solids}
     shaped_kinds = {LIGHT_KINDS[kind] for kind in features.shaped_lights}
@@ -638,6 +646,9 @@ def build_program(features: RenderFeatures) -> Program:
         path.met = surface.emission
         path.reflectance = surface.reflectance
         path.hit.normal = bsdf.facet
+        if wp.static(Aov.NORMAL in features.aovs):
+            if before.depth == 0:
+                path.first_normal = bsdf.normal
         # Numbers of their own: what is drawn for the event says already that it comes here.
         more = draw_more(seed, before.pixel, before.turn, before.bounce, CONNECTION)
         if wp.static(passes):
@@ -749,7 +760,7 @@ def build_program(features: RenderFeatures) -> Program:
                         densities = attenuation(medium, t, before.from_medium == 1, before.rates)
                     relative = densities / wp.max(densities[path.channel], 1.0e-37)
                     path.channel_pdfs = wp.cw_mul(path.channel_pdfs, relative)
-        if wp.static(Aov.TRANSMITTANCE in features.aovs):
+        if wp.static(sees_segment_length):
             if path.depth == 0 and path.medium >= 0 and path.has_met_medium == 0:
                 if scatters or path.keeps == 0:
                     medium = scene.media[scene.first_medium + path.medium]
@@ -758,7 +769,30 @@ def build_program(features: RenderFeatures) -> Program:
                         end = wp.min(end, far_distance(camera_of(scene.camera, before), before.direction))
                     length = end - before.segment
                     path.first_transmittance = attenuation(medium, length, False, wp.vec3(NOT_FROZEN))
+                    path.first_optical_depth = medium.extinction * length
                     path.has_met_medium = 1
+        return path
+
+    @wp.func
+    def identify(scene: SceneData, before: Path) -> Path:
+        """Which prim it meets, or scatters in the medium of, and how that moves in the image."""
+        path = before
+        scatters_in_medium = before.flight <= before.hit.t and before.flight < 0.5 * INFINITE
+        if before.depth == 0 and (scatters_in_medium or before.hit.kind == SURFACE):
+            prim = Prim()
+            if scatters_in_medium:
+                container = int(0)
+                if wp.static(lone_law == ""):
+                    container = container_at(scene.containers, before.start.inside)
+                prim = scene.container_prims[container]
+            else:
+                prim = scene.surface_prims[before.hit.item]
+            path.seen = wp.min(before.flight, before.hit.t)
+            path.prim = prim.number
+            path.instance = prim.instance
+            if wp.static(features.motion):
+                position = before.origin + before.direction * path.seen
+                path.first_motion = image_motion(scene.camera, prim, position, before.start.time)
         return path
 
     @wp.func(inline=True)
@@ -844,12 +878,15 @@ def build_program(features: RenderFeatures) -> Program:
             stays = meets_surface and before.hit.t >= before.t_in and before.hit.t < before.t_out
             stays = stays or scatters_in_medium
             path.start.inside = wp.where(is_alive, wp.where(stays, wp.uint32(1), wp.uint32(0)), before.start.inside)
-            if wp.static(Aov.TRANSMITTANCE in features.aovs):
+            if wp.static(sees_segment_length):
                 length = wp.min(before.t_out, before.hit.t) - before.t_in
                 is_first = is_alive and before.depth == 0 and length >= 0.0
                 passed = lone_attenuation(lone, wp.max(length, 0.0), False, NOT_FROZEN)
                 passed = wp.where(is_first, passed, before.first_transmittance[0])
                 path.first_transmittance = wp.vec3(passed, passed, passed)
+                depth = lone.extinction[0] * length
+                depth = wp.where(is_first, depth, before.first_optical_depth[0])
+                path.first_optical_depth = wp.vec3(depth, depth, depth)
 
         weight = channel_weight(before)
         if wp.static(features.media and Aov.COLLISIONS in features.aovs):
@@ -869,6 +906,8 @@ def build_program(features: RenderFeatures) -> Program:
         if wp.static(features.environment):
             beyond = wp.cw_mul(share, wp.cw_mul(environment, weight))
             path.radiance = path.radiance + beyond * wp.where(escapes, 1.0, 0.0)
+        if wp.static(splits):
+            path.direct = choose(before.depth <= 1, path.radiance, before.direct)
 
         # It scatters: in the medium, or from a surface.
         would_scatter = scatters_in_medium or meets_surface
@@ -900,6 +939,8 @@ def build_program(features: RenderFeatures) -> Program:
             side = normal
             if wp.static(refracts):
                 side = choose(before.transmits == 1, -normal, normal)
+            if wp.static(Aov.NORMAL in features.aovs and not shades):
+                path.first_normal = choose(before.depth == 0 and meets_surface, normal, before.first_normal)
             off_surface = offset_from_surface(path.origin, side, before.hit.t)
             path.origin = choose(meets_surface, off_surface, path.origin)
             if wp.static(shades):
@@ -1183,6 +1224,8 @@ def build_program(features: RenderFeatures) -> Program:
     def go_on(before: Path, limits: Limits) -> Path:
         path = before
         scattered = before.scatters != MISS
+        if wp.static(splits):
+            path.direct = choose(before.depth == 0, before.radiance, before.direct)
         path.depth = before.depth + wp.where(scattered, 1, 0)
         path.crossings = wp.where(scattered, 0, before.crossings)
         plays = scattered and path.depth > limits.roulette_depth
@@ -1244,6 +1287,8 @@ def build_program(features: RenderFeatures) -> Program:
         path.start.crossed = -1
         path.pdf_direction = CAMERA_RAY
         path.first_depth = INFINITE
+        path.seen = INFINITE
+        path.instance = -1
         path.first_transmittance = wp.vec3(1.0, 1.0, 1.0)
         path.medium = -1
         path.links = ALL_LINKS
@@ -1296,6 +1341,14 @@ def build_program(features: RenderFeatures) -> Program:
         sample.albedo = path.first_albedo
         sample.collisions = path.collisions
         sample.path_length = path.path_length
+        sample.normal = path.first_normal
+        sample.motion = path.first_motion
+        sample.optical_depth = path.first_optical_depth
+        sample.direct = path.direct
+        sample.scatterings = float(path.depth)
+        sample.seen = path.seen
+        sample.prim = path.prim
+        sample.instance = path.instance
         sample.truncated = path.truncated
         return add_sample(before, sample, is_complete)
 
@@ -1317,6 +1370,20 @@ def build_program(features: RenderFeatures) -> Program:
             tally.collisions = film.collisions[place]
         if wp.static(Aov.PATH_LENGTH in features.aovs):
             tally.path_length = film.path_length[place]
+        if wp.static(Aov.NORMAL in features.aovs):
+            tally.normal = film.normal[place]
+        if wp.static(Aov.MOTION in features.aovs):
+            tally.motion = film.motion[place]
+        if wp.static(Aov.OPTICAL_DEPTH in features.aovs):
+            tally.optical_depth = film.optical_depth[place]
+        if wp.static(splits):
+            tally.direct = film.direct[place]
+        if wp.static(Aov.SCATTERINGS in features.aovs):
+            tally.scatterings = film.scatterings[place]
+        if wp.static(tells_prims):
+            tally.seen = film.seen[place]
+            tally.prim = film.prim[place]
+            tally.instance = film.instance[place]
         return tally
 
     @wp.func
@@ -1336,6 +1403,20 @@ def build_program(features: RenderFeatures) -> Program:
             film.collisions[place] = tally.collisions
         if wp.static(Aov.PATH_LENGTH in features.aovs):
             film.path_length[place] = tally.path_length
+        if wp.static(Aov.NORMAL in features.aovs):
+            film.normal[place] = tally.normal
+        if wp.static(Aov.MOTION in features.aovs):
+            film.motion[place] = tally.motion
+        if wp.static(Aov.OPTICAL_DEPTH in features.aovs):
+            film.optical_depth[place] = tally.optical_depth
+        if wp.static(splits):
+            film.direct[place] = tally.direct
+        if wp.static(Aov.SCATTERINGS in features.aovs):
+            film.scatterings[place] = tally.scatterings
+        if wp.static(tells_prims):
+            film.seen[place] = tally.seen
+            film.prim[place] = tally.prim
+            film.instance[place] = tally.instance
 
     # ---- the drivers.
 
@@ -1357,7 +1438,7 @@ def build_program(features: RenderFeatures) -> Program:
 
     connects_in_lanes = features.connects_in_lanes
     opens_eyes_at_once = not features.media or (lone_law != "" and not lone_solid)
-    needs_meeting = has_crossings and (lone_law == "" or Aov.TRANSMITTANCE in features.aovs)
+    needs_meeting = has_crossings and (lone_law == "" or sees_segment_length)
 
     @wp.func
     def look(scene: SceneData, before: Path) -> Path:
@@ -1423,6 +1504,8 @@ def build_program(features: RenderFeatures) -> Program:
                         path, bsdf = shade(scene, path, seed)
                 if wp.static(needs_meeting):
                     path = meet(scene, path)
+                if wp.static(sees_prims):
+                    path = identify(scene, path)
                 path = arrive(path, lone, scene.environment, scene.camera, limits)
                 if wp.static(features.connections):
                     if path.scatters != MISS:
@@ -1614,6 +1697,11 @@ def build_program(features: RenderFeatures) -> Program:
                     path = load(lanes, i)
                     if path.alive == 1:
                         store(lanes, i, meet(scene, path))
+            if wp.static(sees_prims):
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    if path.alive == 1:
+                        store(lanes, i, identify(scene, path))
 
             for i in range(LANES):
                 path = load(lanes, i)

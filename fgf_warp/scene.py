@@ -116,7 +116,6 @@ class Camera:
         if self.has_lens:
             _check_range(self.name, "focus_distance", self.focus_distance, "> 0", lambda x: x > 0)
         _check_range(self.name, "exposure_scale", self.exposure_scale, "> 0", lambda x: x > 0)
-        _check_range(self.name, "pixel_aspect_ratio", self.pixel_aspect_ratio, "> 0", lambda x: x > 0)
         near, far = self.clipping_range
         if not 0 <= near < far:
             raise SceneError(f"{self.name}: clipping_range = ({near:g}, {far:g}); accepted: 0 <= near < far")
@@ -1005,6 +1004,11 @@ class Scene:
         extents = (high - low for low, high in self._medium_bounds(index))
         return max((float(extent.max()) for extent in extents), default=None)
 
+    @cached_property
+    def prims(self) -> tuple[str, ...]:
+        """The distinct names of shapes, in order: the first is prim 1 of images."""
+        return tuple(dict.fromkeys(shape.name for shape in self.shapes))
+
     def shapes_around_starts(self, width: int, height: int) -> tuple[Shape, ...]:
         """Shapes filled with media that some camera rays may begin in and others not: by boxes, so rather too many."""
         low, high = self.camera.start_bounds(width, height)
@@ -1059,6 +1063,13 @@ class Scene:
     def with_media(self, media: tuple[Medium, ...]) -> Scene:
         """The same scene with other media in the place of its own."""
         return replace(self, media=media)
+
+
+def drift(shape: Shape) -> np.ndarray:
+    """(4, 4) float64 by which a point of a shape moves while the shutter is open, from its place at the opening."""
+    if isinstance(shape, Mesh) or shape.closing is None:
+        return np.zeros((4, 4))
+    return shape.closing @ np.linalg.inv(shape.object_to_world) - np.eye(4)
 
 
 def moves(shape: Shape) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.device import camera as camera_device
-from fgf_warp.device import geometry, law, medium, numerics, phase, surfaces, tables
+from fgf_warp.device import geometry, law, medium, numerics, phase, prims, surfaces, tables
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import LAW_KINDS, SOLID_KINDS, Limits, SceneData
 from fgf_warp.scene import (
@@ -24,11 +24,13 @@ from fgf_warp.scene import (
     Scene,
     Shape,
     Solid,
+    drift,
     encloses,
+    moves,
     shape_bounds,
     unit_axes,
 )
-from fgf_warp.settings import RenderSettings
+from fgf_warp.settings import PRIM_AOVS, Aov, RenderSettings
 from fgf_warp.theory import fbm, kernels
 from fgf_warp.theory.law import LineLaw
 from fgf_warp.theory.mixture import RateMixture, mix_exact_rates, mix_rates
@@ -110,6 +112,9 @@ def upload(
     data.tables = rows.upload(device)
     iors = indices_of_refraction(containers)
     data.containers = wp.array([_container(s, scene, iors) for s in containers], dtype=medium.Container, device=device)
+    if settings.aovs & {*PRIM_AOVS, Aov.MOTION}:
+        data.surface_prims = _prims([shape for shape in shapes if shape.surface is not None], scene, device)
+        data.container_prims = _prims(containers, scene, device)
     data.lights, data.light_tables = build_device_lights(scene, containers, device)
     low, high = scene.camera.start_bounds(settings.width, settings.height)
     inside = containers_around((low + high) / 2, containers)
@@ -130,6 +135,8 @@ def upload(
 
 def _bare(shape: Shape) -> Shape:
     """The shape as a mere boundary."""
+    if shape.surface is None:
+        return shape
     if isinstance(shape, MeshInstance):
         return replace(shape, mesh=replace(shape.mesh, surface=None))
     return replace(shape, surface=None)
@@ -262,6 +269,19 @@ def _ior_around(inside: int, containers: Sequence[Shape], scene: Scene) -> float
     around = [s for bit, s in enumerate(containers) if inside >> bit & 1 and is_open(s)]
     nearest = max(around, key=lambda s: scene.media[s.medium or 0].priority, default=None)
     return 1.0 if nearest is None or nearest.surface is None else nearest.surface.ior
+
+
+def _prims(shapes: Sequence[Shape], scene: Scene, device: str) -> wp.array:
+    numbers = {name: number for number, name in enumerate(scene.prims, start=1)}
+    prim: Any = prims.Prim
+    rows: Any = np.zeros(len(shapes), dtype=prim.numpy_dtype())
+    rows["number"] = [numbers[shape.name] for shape in shapes]
+    rows["instance"] = [shape.instance for shape in shapes]
+    for row, shape in zip(rows, shapes, strict=True):
+        if moves(shape):
+            moved = drift(shape)
+            row["drift"], row["drift_offset"] = moved[:3, :3], moved[:3, 3]
+    return wp.array(rows, dtype=prim, device=device)
 
 
 def _upload_solids(shapes: Sequence[Shape], device: str) -> wp.array:

@@ -96,11 +96,11 @@ def test_render_writes_what_was_asked_for(tmp_path, stage, fake_renderer):
     assert (tmp_path / "a.png").is_file()
 
 
-def test_render_writes_every_plane_at_the_cameras_aspect(tmp_path, stage, fake_renderer):
+def test_render_writes_the_usual_planes_at_the_cameras_aspect(tmp_path, stage, fake_renderer):
     assert fgf("render", stage, "-o", tmp_path / "a.exr", "--imageHeight", 10, "--spp", 1).exit_code == 0
     channels, _ = read_exr(tmp_path / "a.exr")
     assert channels["R"].shape == (10, 10)
-    assert len(channels) == 4 + 2 * 1 + 5 * 3
+    assert len(channels) == 4 + 3 * 1 + 6 * 3
 
 
 def test_render_reports_paths_that_were_cut(tmp_path, stage, fake_renderer, monkeypatch):
