@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,14 +20,14 @@ from usd_scenes.reader.diagnostics import (
     refuse_composition_errors,
     usd_errors_as_scene_errors,
 )
-from usd_scenes.reader.geometry import SOLID_READERS
 from usd_scenes.reader.lights import DEFAULT_DOME, is_light, read_light
 from usd_scenes.reader.materials import MaterialReader
-from usd_scenes.reader.mesh import read_mesh
 from usd_scenes.reader.settings import read_settings
+from usd_scenes.reader.shapes import ShapeReader
+from usd_scenes.reader.traversal import walk
 
 PURPOSES = ("default", "render", "proxy", "guide")
-CONTAINERS = ("SkelRoot",)
+CONTAINERS = ("SkelRoot", "PointInstancer")
 """Boundable prims that draw nothing of their own."""
 
 
@@ -121,36 +121,19 @@ def _read(
 
 
 def _read_prims(context: StageContext, materials: MaterialReader) -> tuple[list[Shape], list[Light]]:
-    shapes: list[Shape | None] = []
+    shapes = ShapeReader(context, materials)
     lights: list[Light | None] = []
-    for prim in _visible_prims(context):
+    for met in walk(context):
+        prim = met.prim
         _note_misplaced(prim, context)
         if is_light(prim):
-            lights.append(read_light(prim, context))
-        if prim.GetTypeName() in SOLID_READERS and _has_purpose(prim, context):
-            shapes.append(SOLID_READERS[prim.GetTypeName()](prim, context, materials.look_of(prim)))
-        elif prim.IsA(UsdGeom.Mesh) and _has_purpose(prim, context):
-            shapes.append(read_mesh(prim, context, materials.look_of(prim)))
-        elif _is_unsupported(prim) and _has_purpose(prim, context):
+            if met.copies:
+                context.notes.add("light in an instancer's prototype gives no light", prim.GetPath())
+            else:
+                lights.append(read_light(prim, context))
+        if met.has_purpose and not shapes.read(met) and _is_unsupported(prim):
             context.notes.add(f"{prim.GetTypeName()} is not supported and is left out", prim.GetPath())
-    return [shape for shape in shapes if shape], [light for light in lights if light]
-
-
-def _visible_prims(context: StageContext) -> Iterator[Usd.Prim]:
-    prims = iter(Usd.PrimRange.Stage(context.stage, Usd.TraverseInstanceProxies()))
-    for prim in prims:
-        imageable = UsdGeom.Imageable(prim)
-        if imageable and imageable.GetVisibilityAttr().Get(context.time) == UsdGeom.Tokens.invisible:
-            prims.PruneChildren()
-            continue
-        if prim.IsA(UsdGeom.PointInstancer):  # Its prototypes are not geometry by themselves.
-            prims.PruneChildren()
-        yield prim
-
-
-def _has_purpose(prim: Usd.Prim, context: StageContext) -> bool:
-    imageable = UsdGeom.Imageable(prim)
-    return not imageable or imageable.ComputePurpose() in context.purposes
+    return shapes.shapes(), [light for light in lights if light]
 
 
 def _is_unsupported(prim: Usd.Prim) -> bool:
