@@ -286,6 +286,18 @@ def build_part(form: Form, prim: Usd.Prim, assignment: Assignment) -> Part:
     return part.turned()
 
 
+def read_corners(prim: Usd.Prim, context: StageContext) -> np.ndarray:
+    """(m, 3, 3) float64, the corners of a mesh's triangles in world space, counter-clockwise seen from outside.
+
+    Raises:
+        SceneError: for a topology that does not fit together.
+    """
+    form = MeshForm(prim, context)
+    part = build_part(form, prim, Assignment(str(prim.GetPath()), Look(surface=None, medium=None)))
+    part = part.moved(context.local_to_world(prim))
+    return part.points[part.triangles]
+
+
 def triangle_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(m, 3), of length 1, or 0 of triangles without area."""
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
