@@ -637,8 +637,10 @@ class Mesh:
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest corner, (3,) each, of the box around its triangles."""
-        points = self.points[np.unique(self.triangles)]
+        """Lowest and highest corner, (3,) each, of a box that holds the triangles."""
+        is_used = np.zeros(len(self.points), dtype=bool)
+        is_used[self.triangles] = True
+        points = self.points[is_used]
         return points.min(axis=0), points.max(axis=0)
 
 
@@ -1093,7 +1095,7 @@ def shape_bounds(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(shape, Mesh):
         return shape.bounds
     if isinstance(shape, MeshInstance):
-        low, high = shape_bounds(shape.mesh)
+        low, high = shape.mesh.bounds
         corners = (low + high) / 2 + CUBE_CORNERS * (high - low) / 2
     else:
         corners = CUBE_CORNERS
