@@ -94,8 +94,9 @@ def _refuse_unknown_attributes(material: Usd.Prim) -> None:
     authored = material.GetPropertiesInNamespace("inputs:fgf") + material.GetPropertiesInNamespace("fgf")
     for attribute in authored:
         if (name := attribute.GetName()) not in known:
-            nearest = difflib.get_close_matches(name, known, n=1)
-            meant = f", maybe {nearest[0]} is meant" if nearest else ""
+            by_last_word = {accepted.rpartition(":")[2]: accepted for accepted in known}
+            nearest = difflib.get_close_matches(name.rpartition(":")[2], by_last_word, n=1)
+            meant = f", maybe {by_last_word[nearest[0]]} is meant" if nearest else ""
             raise SceneError(f"{attribute.GetPath()} is unknown{meant}; accepted: {', '.join(sorted(known))}")
 
 
