@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 from pxr import Tf, Usd, UsdGeom, UsdShade, UsdSkel
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import Light, Scene, Shape
 from usd_scenes import schema
-from usd_scenes.reader.camera import choose_camera, default_camera, read_camera
+from usd_scenes.reader.camera import as_asked, choose_camera, default_camera, read_camera, read_shutter
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.diagnostics import (
     note_warnings,
@@ -21,14 +23,23 @@ from usd_scenes.reader.diagnostics import (
     usd_errors_as_scene_errors,
 )
 from usd_scenes.reader.geometry import SOLID_READERS
-from usd_scenes.reader.lights import DEFAULT_DOME, is_light, read_light
+from usd_scenes.reader.lights import DEFAULT_DOME, emitting_meshes, is_light, read_light
+from usd_scenes.reader.links import link_lights
 from usd_scenes.reader.materials import MaterialReader
 from usd_scenes.reader.mesh import read_mesh
-from usd_scenes.reader.settings import read_settings
+from usd_scenes.reader.settings import Product, read_settings
 
 PURPOSES = ("default", "render", "proxy", "guide")
+DEFAULT_PURPOSES = ("default", "render")
+COMPLEXITIES = ("low", "medium", "high", "veryhigh")
+"""As usdrecord names them: each subdivides once more than the one before, ``low`` not at all."""
+UP_AXES = ("Y", "Z")
 CONTAINERS = ("SkelRoot",)
 """Boundable prims that draw nothing of their own."""
+
+
+Frame = float | Literal["default"]
+"""A time code, or USD's default time, at which attributes have their default values and no samples."""
 
 
 @dataclass(frozen=True)
@@ -39,20 +50,39 @@ class StageReading:
         scene: for the renderer.
         resolution: width and height [pixel] of the stage's render settings, or None.
         warnings: what of the stage is not rendered as it is written, one text each.
+        sources: what the stage wants in the image's planes, the sourceName of each RenderVar; None where it does not
+            say.
     """
 
     scene: Scene
     resolution: tuple[int, int] | None
     warnings: tuple[str, ...]
+    sources: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class _Choices:
+    """What is asked of a stage; see `read_scene`."""
+
+    camera: str | None
+    frame: Frame | None
+    purposes: Sequence[str] | None
+    complexity: str
+    strict: bool
+    render_settings: str | None
+    product: str | None
 
 
 def read_scene(
     path: str | Path,
     *,
     camera: str | None = None,
-    frame: float | None = None,
-    purposes: Sequence[str] = ("default", "render"),
+    frame: Frame | None = None,
+    purposes: Sequence[str] | None = None,
+    complexity: str = "high",
     strict: bool = False,
+    render_settings: str | None = None,
+    product: str | None = None,
 ) -> StageReading:
     """Reads a USD file, and so validates it.
 
@@ -60,49 +90,90 @@ def read_scene(
         path: a .usd, .usda, .usdc or .usdz file.
         camera: path or name of a camera; None takes the render settings', else the first, else a view from the
             front that holds everything.
-        frame: time code at which attributes are sampled; None takes the stage's authored start, else each
-            attribute's earliest sample.
-        purposes: which geometry to read, of ``default``, ``render``, ``proxy`` and ``guide``.
-        strict: True refuses a stage of which something is missing, such as a texture, in place of a warning.
+        frame: time code at which attributes are sampled, or ``default``; None takes the stage's authored start, else
+            each attribute's earliest sample.
+        purposes: which geometry to read, of ``default``, ``render``, ``proxy`` and ``guide``; None takes the render
+            settings', else ``default`` and ``render``.
+        complexity: how far surfaces are subdivided, ``low``, ``medium``, ``high`` or ``veryhigh``.
+        strict: True where what is missing, such as a texture's file, is an error instead of a warning.
+        render_settings: path of the RenderSettings; None takes those that the stage's metadata name, else the first.
+        product: path of the RenderProduct that is meant; None takes the settings' first.
 
     Raises:
         SceneError: naming file, prim, attribute, the value found and what is accepted.
         UnsupportedFeatureError: for what cannot be rendered and cannot be left out.
     """
+    choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product)
     schema.register()
     with usd_errors_as_scene_errors(str(path)) as trap:
-        return _read(open_stage(Path(path)), str(path), camera, frame, purposes, strict, trap)
+        return _read(open_stage(Path(path)), str(path), choices, trap)
 
 
 def read_stage(
     stage: Usd.Stage,
     *,
     camera: str | None = None,
-    frame: float | None = None,
-    purposes: Sequence[str] = ("default", "render"),
+    frame: Frame | None = None,
+    purposes: Sequence[str] | None = None,
+    complexity: str = "high",
     strict: bool = False,
+    render_settings: str | None = None,
+    product: str | None = None,
 ) -> StageReading:
     """Reads a stage that is open already; otherwise as `read_scene`."""
+    choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product)
     schema.register()
     layer = stage.GetRootLayer()
     source = (layer.GetDisplayName() if layer.anonymous else layer.identifier) or "stage"
     with usd_errors_as_scene_errors(source) as trap:
-        return _read(stage, source, camera, frame, purposes, strict, trap)
+        return _read(stage, source, choices, trap)
 
 
-def _read(
-    stage: Usd.Stage,
-    source: str,
-    camera: str | None,
-    frame: float | None,
-    purposes: Sequence[str],
-    strict: bool,
-    trap: Tf.DiagnosticTrap,
-) -> StageReading:
+def read_products(
+    path: str | Path, *, frame: Frame | None = None, render_settings: str | None = None
+) -> tuple[Product, ...]:
+    """The images that a USD file asks for, at least one; its geometry is not read.
+
+    Args:
+        path: as for `read_scene`.
+        frame: as for `read_scene`; names of products may have samples.
+        render_settings: as for `read_scene`.
+
+    Raises:
+        SceneError: for a stage that cannot be opened, or settings that are not there or out of their range.
+    """
+    schema.register()
+    with usd_errors_as_scene_errors(str(path)):
+        stage = open_stage(Path(path))
+        context = StageContext(stage=stage, time=_time_code(stage, frame), purposes=frozenset())
+        return read_settings(context, render_settings).products
+
+
+@contextmanager
+def stages_kept_open() -> Iterator[None]:
+    """Within it a file that is read again, as for another frame, is not opened again."""
+    with Usd.StageCacheContext(Usd.StageCache()):
+        yield
+
+
+def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticTrap) -> StageReading:
     refuse_composition_errors(stage)
-    context = StageContext(stage=stage, time=_time_code(stage, frame), purposes=_checked(purposes), strict=strict)
-    settings = read_settings(context)
-    camera_prim = choose_camera(context, camera, settings.camera)
+    context = StageContext(
+        stage=stage,
+        time=_time_code(stage, choices.frame),
+        purposes=frozenset(DEFAULT_PURPOSES),
+        refinement=_refinement(choices.complexity),
+        strict=choices.strict,
+    )
+    _note_up_axis(context)
+    settings = read_settings(context, choices.render_settings)
+    product = settings.product(choices.product)
+    camera_prim = choose_camera(context, choices.camera, product.camera)
+    context = replace(
+        context,
+        purposes=_checked(choices.purposes or settings.purposes or DEFAULT_PURPOSES),
+        shutter=read_shutter(camera_prim, context) if camera_prim and product.has_motion_blur else None,
+    )
     materials = MaterialReader(context)
     shapes, lights = _read_prims(context, materials)
     if camera_prim is None:
@@ -111,8 +182,9 @@ def _read(
         context.notes.add("no geometry: only the lights are seen; a medium needs a closed shape that it is bound to")
     if not lights:
         context.notes.add("no light: an environment of radiance 1 is used")
+    camera = read_camera(camera_prim, context) if camera_prim else default_camera(shapes, context.up_axis)
     scene = Scene(
-        camera=read_camera(camera_prim, context) if camera_prim else default_camera(shapes, context.up_axis),
+        camera=as_asked(camera, product),
         shapes=tuple(shapes),
         media=materials.media,
         lights=tuple(lights) or (DEFAULT_DOME,),
@@ -121,23 +193,28 @@ def _read(
     )
     _note_law_warnings(context, scene)
     note_warnings(trap, context.notes)
-    return StageReading(scene=scene, resolution=settings.resolution, warnings=context.notes.texts())
+    return StageReading(scene, product.resolution, context.notes.texts(), product.sources)
 
 
 def _read_prims(context: StageContext, materials: MaterialReader) -> tuple[list[Shape], list[Light]]:
     shapes: list[Shape | None] = []
-    lights: list[Light | None] = []
-    for prim in _visible_prims(context):
+    lights: list[tuple[Usd.Prim, Light]] = []
+    prims = list(_visible_prims(context))
+    emitting = emitting_meshes(prims)
+    for prim in prims:
         _note_misplaced(prim, context)
-        if is_light(prim):
-            lights.append(read_light(prim, context))
+        if is_light(prim) and (not prim.IsA(UsdGeom.Gprim) or _has_purpose(prim, context)):
+            light = read_light(prim, context)
+            lights.extend([(prim, light)] if light else [])
         if prim.GetTypeName() in SOLID_READERS and _has_purpose(prim, context):
             shapes.append(SOLID_READERS[prim.GetTypeName()](prim, context, materials.look_of(prim)))
-        elif prim.IsA(UsdGeom.Mesh) and _has_purpose(prim, context):
-            shapes.append(read_mesh(prim, context, materials.look_of(prim)))
+        elif prim.IsA(UsdGeom.Mesh):
+            if _has_purpose(prim, context) and not is_light(prim) and prim.GetPath() not in emitting:
+                shapes.append(read_mesh(prim, context, materials.look_of(prim)))
         elif _is_unsupported(prim) and _has_purpose(prim, context):
             context.notes.add(f"{prim.GetTypeName()} is not supported and is left out", prim.GetPath())
-    return [shape for shape in shapes if shape], [light for light in lights if light]
+    linked_lights, linked_shapes = link_lights(lights, [shape for shape in shapes if shape], context)
+    return linked_shapes, linked_lights
 
 
 def _visible_prims(context: StageContext) -> Iterator[Usd.Prim]:
@@ -183,7 +260,15 @@ def _meters_per_unit(stage: Usd.Stage) -> float:
     return value
 
 
-def _time_code(stage: Usd.Stage, frame: float | None) -> Usd.TimeCode:
+def _note_up_axis(context: StageContext) -> None:
+    axis = UsdGeom.GetStageUpAxis(context.stage)
+    if axis not in UP_AXES:
+        context.notes.add(f"upAxis = {axis} is not supported; accepted: {', '.join(UP_AXES)}; Y is taken")
+
+
+def _time_code(stage: Usd.Stage, frame: Frame | None) -> Usd.TimeCode:
+    if frame == "default":
+        return Usd.TimeCode.Default()
     if frame is not None:
         if not math.isfinite(frame):
             raise SceneError(f"frame = {frame:g}; accepted: a finite number")
@@ -192,6 +277,12 @@ def _time_code(stage: Usd.Stage, frame: float | None) -> Usd.TimeCode:
     if stage.HasAuthoredMetadata("startTimeCode"):
         return Usd.TimeCode(stage.GetStartTimeCode())
     return Usd.TimeCode.EarliestTime()
+
+
+def _refinement(complexity: str) -> int:
+    if complexity not in COMPLEXITIES:
+        raise SceneError(f"complexity = {complexity}; accepted: {', '.join(COMPLEXITIES)}")
+    return COMPLEXITIES.index(complexity)
 
 
 def _checked(purposes: Sequence[str]) -> frozenset[str]:
