@@ -60,6 +60,12 @@ def test_the_binding_for_full_renders_stands_before_that_for_all(read, body: str
     assert reds(read(RED + DARK + sphere(body))) == [red]
 
 
+def test_a_binding_for_previews_is_not_for_renders(read) -> None:
+    reading = read(RED + sphere("rel material:binding:preview = </Red>"))
+    assert reading.scene.shapes[0].surface == Surface()
+    assert reading.warnings == ("bound for previews only: the display color is used: /Ball",)
+
+
 @pytest.mark.parametrize(("strength", "red"), [("strongerThanDescendants", 0.1), ("weakerThanDescendants", 0.9)])
 def test_bindings_are_inherited_by_strength(read, strength: str, red: float) -> None:
     parent = f"""def Xform "X" (\n {API}\n)\n{{

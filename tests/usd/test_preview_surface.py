@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pxr import UsdUtils
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import BLACK, PrimvarInput, Surface, TextureInput
 from tests.usd.pictures import noise, write_picture
 from tests.usd.prims import preview_sphere
+from usd_scenes.reader import read_scene
 
 DEFAULTS = Surface(diffuse=(0.18, 0.18, 0.18), ior=1.5)
 """What the specification says of what is not authored."""
@@ -144,14 +146,24 @@ def test_values_come_through_interfaces_and_node_graphs(read) -> None:
     assert reading.warnings == ()
 
 
-@pytest.mark.parametrize(
-    "target", ["/Look/Gone.outputs:rgb", "/Look.inputs:nothing", "/Look/Surface.inputs:diffuseColor"]
-)
+def connected(target: str) -> str:
+    return f"color3f inputs:diffuseColor = (0.1, 0.2, 0.3)\ncolor3f inputs:diffuseColor.connect = <{target}>"
+
+
+@pytest.mark.parametrize("target", ["/Look/Gone.outputs:rgb", "/Look.inputs:nothing", "/Look/G.outputs:free"])
 def test_a_connection_to_nothing_is_named_and_the_inputs_own_value_taken(read, target: str) -> None:
-    inputs = f"color3f inputs:diffuseColor = (0.1, 0.2, 0.3)\ncolor3f inputs:diffuseColor.connect = <{target}>"
-    reading = read(preview_sphere(inputs))
+    prims = preview_sphere(connected(target), 'def NodeGraph "G"\n{\n color3f outputs:free\n}')
+    reading = read(prims)
     assert surface_of(reading).diffuse == (0.1, 0.2, 0.3)
-    assert any("its own is used: /Look/Surface.inputs:diffuseColor" in warning for warning in reading.warnings)
+    assert "connected to nothing: the input's own value is used: /Look/Surface.inputs:diffuseColor" in reading.warnings
+    with pytest.raises(SceneError, match=r"/Look/Surface.inputs:diffuseColor: connected to nothing"):
+        read(prims, strict=True)
+
+
+def test_an_interface_may_leave_values_open(read) -> None:
+    reading = read(preview_sphere(connected("/Look.inputs:tint"), "color3f inputs:tint"), strict=True)
+    assert surface_of(reading).diffuse == (0.1, 0.2, 0.3)
+    assert reading.warnings == ()
 
 
 def test_an_unknown_shader_is_named_and_the_inputs_own_value_taken(read) -> None:
@@ -325,6 +337,23 @@ def test_the_tiles_of_a_udim_set(read, tmp_path: Path) -> None:
     for place, tile in pixels.items():
         np.testing.assert_array_equal(found.tiles[place].pixels[..., :3], tile)
     assert reading.warnings == ()
+
+
+def test_textures_inside_of_packages(read, picture: Path, tmp_path: Path) -> None:
+    for tile in (1001, 1012):
+        write_picture(tmp_path / "pictures" / f"body.{tile}.png", noise(3, seed=tile))
+    inputs = f"{DIFFUSE_MAP}\ncolor3f inputs:emissiveColor.connect = </Look/U.outputs:rgb>"
+    udim = texture("../pictures/body.<UDIM>.png", name="U")
+    found = read(preview_sphere(inputs, texture(picture) + udim + COORDINATES))
+    package = tmp_path / "packed.usdz"
+    assert UsdUtils.CreateNewUsdzPackage(found.scene.source, str(package))
+    packed = surface_of(read_scene(package, strict=True))
+    for name in ("diffuse", "emission"):
+        before, after = (getattr(surface, name).texture.tiles for surface in (surface_of(found), packed))
+        assert set(before) == set(after)
+        for place in before:
+            np.testing.assert_array_equal(before[place].pixels, after[place].pixels)
+    assert set(packed.emission.texture.tiles) == {(0, 0), (1, 1)}
 
 
 def test_a_missing_texture_of_colors_is_plain_to_see(read) -> None:
