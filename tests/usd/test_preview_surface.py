@@ -160,6 +160,26 @@ def test_a_connection_to_nothing_is_named_and_the_inputs_own_value_taken(read, t
         read(prims, strict=True)
 
 
+def test_of_several_connections_the_first_is_taken(read) -> None:
+    inside = "color3f inputs:first = (0.4, 0.5, 0.6)\ncolor3f inputs:second"
+    targets = "color3f inputs:diffuseColor.connect = [</Look.inputs:first>, </Look.inputs:second>]"
+    reading = read(preview_sphere(targets, inside.replace("second", "second = (1, 1, 1)")))
+    assert surface_of(reading).diffuse == (0.4, 0.5, 0.6)
+    assert reading.warnings == ("connected to several: the first is used: /Look/Surface.inputs:diffuseColor",)
+    assert read(preview_sphere(targets, inside)).warnings == ()
+
+
+def test_circles_of_connections_end(read) -> None:
+    circle = """def NodeGraph "G"
+    {
+        color3f outputs:a.connect = </Look/G.inputs:b>
+        color3f inputs:b.connect = </Look/G.outputs:a>
+    }"""
+    reading = read(preview_sphere("color3f inputs:diffuseColor.connect = </Look/G.outputs:a>", circle))
+    assert surface_of(reading) == DEFAULTS
+    assert any("connected to nothing" in warning for warning in reading.warnings)
+
+
 def test_an_interface_may_leave_values_open(read) -> None:
     reading = read(preview_sphere(connected("/Look.inputs:tint"), "color3f inputs:tint"), strict=True)
     assert surface_of(reading).diffuse == (0.1, 0.2, 0.3)

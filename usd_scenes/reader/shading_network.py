@@ -40,12 +40,14 @@ def source_of(shader: UsdShade.Shader, name: str, context: StageContext) -> Usd.
     if not attribute or not attribute.HasAuthoredConnections():
         return attribute
     sources = UsdShade.Utils.GetValueProducingAttributes(UsdShade.Input(attribute))
-    if len(sources) != 1 or sources[0] == attribute:
+    if not sources or sources[0] == attribute:
         targets = [attribute.GetStage().GetAttributeAtPath(path) for path in attribute.GetConnections()]
         if not all(target and UsdShade.Input.IsInput(target) for target in targets):
             context.note_missing("connected to nothing: the input's own value is used", attribute.GetPath())
         return attribute
-    (source,) = sources
+    source = sources[0]
+    if len(sources) > 1:
+        context.notes.add("connected to several: the first is used", attribute.GetPath())
     if UsdShade.Output.IsOutput(source):
         return Output(UsdShade.Shader(source.GetPrim()), UsdShade.Output(source).GetBaseName())
     return source
