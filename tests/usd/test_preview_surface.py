@@ -264,6 +264,20 @@ def test_textures(read, picture: Path) -> None:
     assert reading.warnings == ()
 
 
+@pytest.mark.parametrize(
+    ("channels", "wrap", "is_constant"), [(3, "repeat", True), (3, "black", False), (4, "repeat", False)]
+)
+def test_the_alpha_of_a_picture_without_one_is_no_texture(
+    read, tmp_path: Path, channels: int, wrap: str, is_constant: bool
+) -> None:
+    path = write_picture(tmp_path / "pictures" / "a.png", noise(channels))
+    settings = f'token inputs:wrapS = "{wrap}"\ntoken inputs:wrapT = "{wrap}"'
+    inputs = "float inputs:opacity.connect = </Look/T.outputs:a>"
+    surface = surface_of(read(preview_sphere(inputs, texture(path, settings) + COORDINATES)))
+    assert (surface.opacity == 1) == is_constant
+    assert surface.may_be_transparent != is_constant
+
+
 @pytest.mark.parametrize(("color_space", "is_srgb"), [("raw", False), ("sRGB", True), ("auto", True)])
 def test_color_spaces(read, picture: Path, color_space: str, is_srgb: bool) -> None:
     setting = f'token inputs:sourceColorSpace = "{color_space}"'
