@@ -121,6 +121,7 @@ def author_interchange(material: Usd.Prim | UsdShade.Material) -> None:
         SceneError: for a prim without a medium, or a value out of its range; nothing is then authored.
     """
     schema.register()
+    schema.register_shader()
     prim = material.GetPrim()
     if schema.SCHEMA_NAME not in prim.GetAppliedSchemas():
         raise SceneError(f"{prim.GetPath()}: {schema.SCHEMA_NAME} is not applied; author a medium first")
@@ -132,7 +133,7 @@ def author_interchange(material: Usd.Prim | UsdShade.Material) -> None:
 
 
 def _author_fgf_terminal(material: UsdShade.Material) -> None:
-    shader = _define_shader(material, "FgfMedium", "FgfMedium")
+    shader = _define_shader(material, schema.SHADER_NAME, schema.SHADER_NAME)
     for attribute in material.GetPrim().GetAuthoredPropertiesInNamespace("inputs:fgf"):
         name = attribute.GetName().removeprefix("inputs:fgf:")
         shader.CreateInput(name, attribute.GetTypeName()).ConnectToSource(UsdShade.Input(attribute))
