@@ -121,7 +121,6 @@ def author_interchange(material: Usd.Prim | UsdShade.Material) -> None:
         SceneError: for a prim without a medium, or a value out of its range; nothing is then authored.
     """
     schema.register()
-    schema.register_shader()
     prim = material.GetPrim()
     if schema.SCHEMA_NAME not in prim.GetAppliedSchemas():
         raise SceneError(f"{prim.GetPath()}: {schema.SCHEMA_NAME} is not applied; author a medium first")

@@ -14,6 +14,7 @@ from fgf_warp.scene import Medium
 from usd_scenes import schema
 from usd_scenes.authoring import author_fgf_medium, author_interchange
 from usd_scenes.reader import read_scene
+from usd_scenes.validation import validate_stage
 
 VALUES = {
     "mean_extinction": 3.7,
@@ -173,6 +174,20 @@ def test_interchange_survives_and_is_not_read(stage: Usd.Stage, tmp_path: Path, 
     material = UsdShade.Material.Get(kept, "/Look")
     assert material.ComputeVolumeSource()[0].GetShaderId() == "ND_volume"
     assert material.ComputeVolumeSource("fgf")[0].GetShaderId() == "FgfMedium"
+
+
+def test_interchange_is_valid(tmp_path: Path) -> None:
+    stage = Usd.Stage.CreateNew(str(tmp_path / "stage.usda"))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
+    material = UsdShade.Material.Define(stage, "/World/Look")
+    ball = UsdGeom.Sphere.Define(stage, "/World/Ball").GetPrim()
+    UsdShade.MaterialBindingAPI.Apply(ball).Bind(material)
+    author_fgf_medium(material, mean_extinction=1)
+    author_interchange(material)
+    stage.Save()
+    assert validate_stage(tmp_path / "stage.usda") == ()
 
 
 def test_interchange_needs_a_medium(stage: Usd.Stage) -> None:

@@ -6,10 +6,12 @@ from usd_scenes.reader.stage import (
     COMPLEXITIES,
     Frame,
     StageReading,
+    StageSurvey,
     read_products,
     read_scene,
     read_stage,
     stages_kept_open,
+    survey_stage,
 )
 
 __all__ = [
@@ -17,9 +19,11 @@ __all__ = [
     "Frame",
     "Product",
     "StageReading",
+    "StageSurvey",
     "parse_frames",
     "read_products",
     "read_scene",
     "read_stage",
     "stages_kept_open",
+    "survey_stage",
 ]
