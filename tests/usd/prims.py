@@ -29,8 +29,8 @@ def Material "Look" (
 """
 
 
-def preview_sphere(inputs: str) -> str:
-    """A sphere whose material /Look is a UsdPreviewSurface with these inputs."""
+def preview_sphere(inputs: str, inside: str = "") -> str:
+    """A sphere whose material /Look is a UsdPreviewSurface with these inputs, beside what else is `inside` of it."""
     return medium_sphere(
         "token outputs:surface.connect = </Look/Surface.outputs:surface>",
         schemas="",
@@ -39,5 +39,6 @@ def preview_sphere(inputs: str) -> str:
         uniform token info:id = "UsdPreviewSurface"
         {inputs}
         token outputs:surface
-    }}""",
+    }}
+    {inside}""",
     )
