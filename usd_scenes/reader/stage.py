@@ -169,9 +169,10 @@ def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticT
     settings = read_settings(context, choices.render_settings)
     product = settings.product(choices.product)
     camera_prim = choose_camera(context, choices.camera, product.camera)
+    purposes = next(asked for asked in (choices.purposes, settings.purposes, DEFAULT_PURPOSES) if asked is not None)
     context = replace(
         context,
-        purposes=_checked(choices.purposes or settings.purposes or DEFAULT_PURPOSES),
+        purposes=_checked(purposes),
         shutter=read_shutter(camera_prim, context) if camera_prim and product.has_motion_blur else None,
     )
     materials = MaterialReader(context)
