@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Usd, UsdGeom
+from pxr import Usd, UsdGeom, UsdUtils
 
 from fgf_warp.errors import FgfError, SceneError
 from fgf_warp.scene import count_open_edges, shape_bounds
-from tests.usd.prims import HEADER
+from tests.usd.conftest import write
+from tests.usd.prims import CAMERA, HEADER
 from usd_scenes.library import STAGES, stage_names, stage_path, trefoil_tube
 from usd_scenes.reader import read_scene, read_stage
 from usd_scenes.reader.bounds import scene_bounds
@@ -135,6 +136,25 @@ def test_meters_per_unit_is_recorded_and_checked(read) -> None:
     assert read("", header="#usda 1.0\n").scene.meters_per_unit == 0.01
     with pytest.raises(SceneError, match="metersPerUnit = 0; accepted: > 0"):
         read("", header=HEADER.replace("metersPerUnit = 1", "metersPerUnit = 0"))
+
+
+def test_up_axes_that_are_none_are_told(read) -> None:
+    reading = read("", camera="", header=HEADER.replace('"Y"', '"X"'))
+    assert "upAxis = X is not supported; accepted: Y, Z; Y is taken" in reading.warnings
+    assert reading.scene.camera.camera_to_world[1, 1] > 0.9
+
+
+@pytest.mark.parametrize("name", ["stage.usd", "stage.usdc", "stage.usdz"])
+def test_a_stage_is_the_same_in_every_format(read, tmp_path: Path, name: str) -> None:
+    written = write(tmp_path, HEADER + CAMERA + 'def Sphere "Ball"\n{\n double radius = 3\n}\n')
+    path = tmp_path / name
+    if name.endswith(".usdz"):
+        assert UsdUtils.CreateNewUsdzPackage(str(written), str(path))
+    else:
+        Usd.Stage.Open(str(written)).Export(str(path))
+    scene, expected = read_scene(path).scene, read_scene(written).scene
+    assert scene.shapes[0].object_to_world[0, 0] == expected.shapes[0].object_to_world[0, 0] == 3
+    assert scene.camera.name == expected.camera.name
 
 
 # Stages that cannot be read
@@ -297,6 +317,30 @@ def test_stages_of_others_are_read_or_refused_by_name(path: Path, capfd: pytest.
     else:
         assert reading.scene.lights
     assert capfd.readouterr() == ("", "")
+
+
+CONFIGURATION = ASSETS / "usd-wg__assets/test_assets/foundation/stage_configuration"
+
+
+@pytest.mark.skipif(
+    not CONFIGURATION.is_dir(), reason="the third-party stages of ../shared/usd_assets are not on this machine"
+)
+@pytest.mark.parametrize(
+    ("name", "meters"),
+    [("metersPerUnit_1", 1), ("metersPerUnit_10", 10), ("metersPerUnit_mix", 100)],
+)
+def test_the_root_layer_alone_says_how_long_a_unit_is(name: str, meters: float) -> None:
+    reading = read_scene(CONFIGURATION / "metersPerUnit" / f"{name}.usda")
+    assert reading.scene.meters_per_unit == meters
+
+
+@pytest.mark.skipif(
+    not CONFIGURATION.is_dir(), reason="the third-party stages of ../shared/usd_assets are not on this machine"
+)
+@pytest.mark.parametrize(("axis", "is_told"), [("Y", False), ("Z", False), ("X", True), ("invalid", True)])
+def test_up_axes_of_others_are_read_or_told(axis: str, is_told: bool) -> None:
+    warnings = read_scene(CONFIGURATION / "upAxis" / f"upAxis_{axis}.usda").warnings
+    assert any(text.startswith(f"upAxis = {axis} is not supported") for text in warnings) == is_told
 
 
 @pytest.mark.parametrize("name", ["instancedCubes", "instancedCubes2", "nestedInstancedCubes"])
