@@ -27,12 +27,14 @@ class WideTree:
         children: (2 nodes, 8) int32, another node, or -1 - the index of a leaf.
         triangles: (9 leaves, 8) float32; an empty place is NaN.
         owners: (leaves, 8) int32, index of the triangle's mesh; -1 in an empty place.
+        faces: (leaves, 8) int32, the triangle's number in its mesh; -1 in an empty place.
     """
 
     boxes: np.ndarray
     children: np.ndarray
     triangles: np.ndarray
     owners: np.ndarray
+    faces: np.ndarray
 
 
 def load_builder() -> None:
@@ -50,9 +52,10 @@ def build_wide_tree(corners: Sequence[np.ndarray]) -> WideTree:
         A tree of at most `MAX_LEVELS` levels, wherever the triangles lie.
     """
     if not corners:
-        return WideTree(*(np.zeros((0, LEAF), dtype) for dtype in (np.float32, np.int32, np.float32, np.int32)))
+        return WideTree(*(np.zeros((0, LEAF), dtype) for dtype in ("f4", "i4", "f4", "i4", "i4")))
     all_corners = np.concatenate(corners)
     owner = np.repeat(np.arange(len(corners), dtype=np.int32), [len(c) for c in corners])
+    face = np.concatenate([np.arange(len(c), dtype=np.int32) for c in corners])
     count = len(all_corners)
 
     lo = wp.array(all_corners.min(axis=1), dtype=wp.vec3, device="cpu")
@@ -77,7 +80,7 @@ def build_wide_tree(corners: Sequence[np.ndarray]) -> WideTree:
     return WideTree(
         boxes=_widen(boxes.numpy()[:node_count], MARGIN * np.abs(all_corners).max()).reshape(-1, LEAF),
         children=children.numpy()[:node_count].reshape(-1, LEAF),
-        **_fill_leaves(leaves.numpy()[:leaf_count], order.numpy(), all_corners, owner),
+        **_fill_leaves(leaves.numpy()[:leaf_count], order.numpy(), all_corners, owner, face),
     )
 
 
@@ -98,7 +101,7 @@ def _widen(boxes: np.ndarray, margin: np.float32) -> np.ndarray:
 
 
 def _fill_leaves(
-    leaves: np.ndarray, order: np.ndarray, corners: np.ndarray, owner: np.ndarray
+    leaves: np.ndarray, order: np.ndarray, corners: np.ndarray, owner: np.ndarray, face: np.ndarray
 ) -> dict[str, np.ndarray]:
     """The leaves' rows."""
     lane = np.arange(LEAF)
@@ -107,5 +110,6 @@ def _fill_leaves(
     rows = np.where(is_filled[:, :, None, None], corners[picked], np.float32(np.nan))
     return {
         "triangles": np.ascontiguousarray(rows.transpose(0, 2, 3, 1)).reshape(-1, LEAF),
-        "owners": np.where(is_filled, owner[picked], -1).astype(np.int32),
+        "owners": np.where(is_filled, owner[picked], np.int32(-1)),
+        "faces": np.where(is_filled, face[picked], np.int32(-1)),
     }

@@ -20,8 +20,8 @@ import warp as wp
 
 from fgf_warp.device import fbm
 from fgf_warp.device import lanes as lanes_module
-from fgf_warp.device.bvh import Bvh, intersect_meshes
-from fgf_warp.device.camera import Camera, camera_direction
+from fgf_warp.device.bvh import Bvh, build_intersect_meshes
+from fgf_warp.device.camera import Camera, camera_at, camera_direction, camera_ray, far_distance, film_point
 from fgf_warp.device.film import Film, Sample, Tally, add_sample
 from fgf_warp.device.geometry import (
     BOUNDARY,
@@ -139,7 +139,12 @@ class SceneData:
     containers: wp.array(dtype=Container)
     lights: wp.array(dtype=Light)
     camera_inside: wp.uint32
-    """Containers around the camera."""
+    """Containers around what camera rays begin at, where they are the same for all."""
+    media_center: wp.vec3
+    media_radius: float
+    """A ball that holds all containers, used where they are not the same."""
+    boundaries: Bvh
+    """Containers that are meshes, without anything on them; used likewise."""
     seeds: wp.array(dtype=wp.uint64)
     """Of each image."""
 
@@ -213,6 +218,7 @@ LIGHT_KINDS = {"distant": int(DISTANT), "rect": int(RECT), "disk": int(DISK), "s
 @cache
 def build_program(features: RenderFeatures) -> Program:
     """The kernels that render scenes of these features; compiled when they are first loaded on a device."""
+    moves = features.lens and features.motion
     sees_first_segment = bool(features.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE})
     has_surfaces, has_lights, has_solids = features.surfaces, bool(features.shaped_lights), bool(features.solids)
     solid_kinds = {SOLID_KINDS[kind] for kind in features.solids}
@@ -229,6 +235,7 @@ def build_program(features: RenderFeatures) -> Program:
     draw_more = draw_more_lattice if is_lattice else draw_more_independent
     pool_floats, sum_count = lane_floats(features), tally_floats(features)
     eval_phase, sample_phase = build_phase(features.phases)
+    intersect_meshes = build_intersect_meshes(features)
     load, store = lanes_module.build_lanes(features)
     load_tally, store_tally = lanes_module.build_tallies(features)
 
@@ -365,7 +372,14 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func(inline=True)
-    def open_eyes(before: Path) -> Path:
+    def camera_of(camera: Camera, path: Path) -> Camera:
+        """The camera when the path was born."""
+        if wp.static(moves):
+            return camera_at(camera, path.start.time)
+        return camera
+
+    @wp.func(inline=True)
+    def open_eyes(before: Path, camera: Camera) -> Path:
         path = before
         path.hit.t = before.flight
         if wp.static(features.meshes):
@@ -373,6 +387,9 @@ def build_program(features: RenderFeatures) -> Program:
             path.hit.t = wp.min(before.flight + margin, INFINITE)
         if wp.static(sees_first_segment):
             path.hit.t = wp.where(before.depth == 0, INFINITE, path.hit.t)
+        if wp.static(features.lens):
+            far = far_distance(camera_of(camera, before), before.direction)
+            path.hit.t = wp.where(before.depth == 0, wp.min(path.hit.t, far), path.hit.t)
         path.hit.kind = MISS
         path.met = wp.vec3(0.0, 0.0, 0.0)
         return path
@@ -388,7 +405,7 @@ def build_program(features: RenderFeatures) -> Program:
     def look_at_surface(before: Path, solid: Solid, kind: int, surface: Surface) -> Path:
         path = before
         span = solid_span(solid, kind, before.origin, before.direction)
-        path.hit = meet_solid_surface(solid, span, before.origin, before.direction, before.hit)
+        path.hit = meet_solid_surface(solid, span, before.origin, before.direction, before.start, before.hit)
         is_nearer = path.hit.t < before.hit.t
         path.albedo = choose(is_nearer, surface.diffuse, before.albedo)
         path.met = choose(is_nearer, surface.emission, before.met)
@@ -530,7 +547,10 @@ def build_program(features: RenderFeatures) -> Program:
             if path.depth == 0 and path.medium >= 0 and path.has_met_medium == 0:
                 if scatters or path.keeps == 0:
                     medium = scene.media[scene.first_medium + path.medium]
-                    length = segment_end(scene, before) - before.segment
+                    end = segment_end(scene, before)
+                    if wp.static(features.lens):
+                        end = wp.min(end, far_distance(camera_of(scene.camera, before), before.direction))
+                    length = end - before.segment
                     path.first_transmittance = attenuation(medium, length, False, wp.vec3(NOT_FROZEN))
                     path.has_met_medium = 1
         return path
@@ -565,7 +585,7 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func(inline=True)
-    def arrive(before: Path, lone: Medium, environment: wp.vec3, forward: wp.vec3, limits: Limits) -> Path:
+    def arrive(before: Path, lone: Medium, environment: wp.vec3, camera: Camera, limits: Limits) -> Path:
         path = before
         is_alive = before.alive == 1
         scatters_in_medium = is_alive and before.flight <= before.hit.t and before.flight < 0.5 * INFINITE
@@ -578,10 +598,18 @@ def build_program(features: RenderFeatures) -> Program:
 
         if wp.static(Aov.DEPTH in features.aovs):
             nearest = before.hit.t
+            if wp.static(features.lens):
+                nearest = wp.where(before.hit.kind == MISS, INFINITE, before.hit.t)
             if wp.static(lone_solid):
-                nearest = wp.min(nearest, before.t_in)
+                t_in = before.t_in
+                if wp.static(features.lens):
+                    t_in = wp.where(t_in <= before.hit.t, t_in, INFINITE)
+                nearest = wp.min(nearest, t_in)
             is_first = before.depth == 0 and nearest < INFINITE and before.first_depth == INFINITE
-            ahead = nearest * wp.dot(before.direction, forward)
+            view = camera_of(camera, before)
+            ahead = nearest * wp.dot(before.direction, view.forward)
+            if wp.static(features.lens):
+                ahead += view.near
             path.first_depth = wp.where(is_first, ahead, before.first_depth)
         if wp.static(has_crossings):
             path = cross(path, is_alive, crosses, scatters_in_medium, meets_surface)
@@ -789,7 +817,7 @@ def build_program(features: RenderFeatures) -> Program:
 
     @wp.func(inline=True)
     def block_by_surface(before: Path, solid: Solid, kind: int) -> Path:
-        return block(before, surface_distance(solid_span(solid, kind, before.origin, before.to_light)))
+        return block(before, surface_distance(solid_span(solid, kind, before.origin, before.to_light), 0.0))
 
     @wp.func(inline=True)
     def block_by_light(before: Path, light: Light, kind: int) -> Path:
@@ -865,8 +893,21 @@ def build_program(features: RenderFeatures) -> Program:
         else:
             xi = draw(seed, path.pixel, path.turn, 0, CAMERA)
             in_pixel = wp.vec2(xi[0], xi[1])
-        path.origin = camera.position
-        path.direction = camera_direction(camera, path.row, path.column, in_pixel[0], in_pixel[1])
+        if wp.static(features.chromatic or features.lens or features.motion):
+            xi = draw(seed, path.pixel, path.turn, 0, WHOLE_PATH)
+            path.channel = wp.min(int(xi[0] * 3.0), 2)
+            path.start.time = xi[1]
+            lens_x = xi[2]
+            lens_y = xi[3]
+        if wp.static(features.lens):
+            view = camera_of(camera, path)
+            film = film_point(view, path.row, path.column, in_pixel[0], in_pixel[1])
+            ray = camera_ray(view, film, lens_x, lens_y)
+            path.origin = ray.origin
+            path.direction = ray.direction
+        else:
+            path.origin = camera.position
+            path.direction = camera_direction(camera, path.row, path.column, in_pixel[0], in_pixel[1])
         path.throughput = wp.vec3(1.0, 1.0, 1.0)
         path.start.inside = inside
         path.start.crossed = -1
@@ -876,8 +917,37 @@ def build_program(features: RenderFeatures) -> Program:
         path.medium = -1
         path.rates = wp.vec3(NOT_FROZEN)
         if wp.static(features.chromatic):
-            path.channel = wp.min(int(draw(seed, path.pixel, path.turn, 0, WHOLE_PATH)[0] * 3.0), 2)
             path.channel_pdfs = wp.vec3(1.0, 1.0, 1.0)
+        return path
+
+    @wp.func
+    def find_start(scene: SceneData, before: Path) -> Path:
+        """The containers around the path's start: those entered and not left on its own line from outside of all."""
+        path = before
+        back = wp.length(before.origin - scene.media_center) + scene.media_radius
+        origin = before.origin - before.direction * back
+        start = Start()
+        start.crossed = -1
+        start.time = before.start.time
+        for _ in range(MAX_CROSSINGS):
+            hit = Hit()
+            hit.t = back
+            hit.kind = MISS
+            if wp.static(has_solids):
+                for s in range(scene.solids.shape[0]):
+                    solid = scene.solids[s]
+                    if solid.container >= 0:
+                        span = solid_span(solid, solid.kind, origin, before.direction)
+                        hit = meet_solid_boundary(solid, span, start, hit)
+            if wp.static(features.meshes):
+                hit = intersect_meshes(scene.boundaries, origin, before.direction, start, hit)
+            if hit.kind != BOUNDARY:
+                break
+            start.inside = cross_boundary(start.inside, hit.item)
+            start.t_min = hit.t
+            start.crossed = hit.item
+        path.start.inside = start.inside
+        path.start.slack = 2.0 * OFFSET * coordinate_reach(before.origin, back)
         return path
 
     @wp.func(inline=True)
@@ -962,7 +1032,7 @@ def build_program(features: RenderFeatures) -> Program:
         if wp.static(lone_solid):
             solid = scene.solids[scene.lone_solid]
             path = look_at_lone_solid(path, solid, solid.kind)
-        path = open_eyes(path)
+        path = open_eyes(path, scene.camera)
         if wp.static(has_solids):
             for s in range(scene.solids.shape[0]):
                 solid = scene.solids[s]
@@ -1001,6 +1071,8 @@ def build_program(features: RenderFeatures) -> Program:
         for sample in range(first_sample, first_sample + sample_count):
             waiting.sample = sample
             path = emit(scene.camera, scene.camera_inside, seed, waiting)
+            if wp.static(features.varied_starts):
+                path = find_start(scene, path)
             if wp.static(freezes_at_birth):
                 path.rates = draw_rates(scene, path, lone, seed)
             while path.alive == 1:
@@ -1015,7 +1087,7 @@ def build_program(features: RenderFeatures) -> Program:
                 path = look(scene, path)
                 if wp.static(needs_meeting):
                     path = meet(scene, path)
-                path = arrive(path, lone, scene.environment, scene.camera.forward, limits)
+                path = arrive(path, lone, scene.environment, scene.camera, limits)
                 if wp.static(features.connections):
                     if path.scatters != MISS:
                         path = connect(scene, lone, path, seed)
@@ -1095,6 +1167,11 @@ def build_program(features: RenderFeatures) -> Program:
                 fresh = emit(camera, camera_inside, seed, path)
                 if path.alive == 0 and path.sample < end_sample:
                     store(lanes, i, fresh)
+            if wp.static(features.varied_starts):
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    if path.alive == 1 and path.bounce == 0:
+                        store(lanes, i, find_start(scene, path))
             if wp.static(freezes_at_birth):
                 for i in range(LANES):
                     path = load(lanes, i)
@@ -1110,7 +1187,7 @@ def build_program(features: RenderFeatures) -> Program:
                 elif wp.static(lone_law != ""):
                     path = fly_in_lone_medium(path, lone, seed)
                 if wp.static(opens_eyes_at_once and not looks_up_flights):
-                    path = open_eyes(path)
+                    path = open_eyes(path, camera)
                 store(lanes, i, path)
             if wp.static(looks_up_flights):
                 for i in range(LANES):
@@ -1120,19 +1197,19 @@ def build_program(features: RenderFeatures) -> Program:
                     path = load(lanes, i)
                     path = fly_in_lone_medium(path, lone, seed)
                     if wp.static(opens_eyes_at_once):
-                        path = open_eyes(path)
+                        path = open_eyes(path, camera)
                     store(lanes, i, path)
             if wp.static(features.media and lone_law == ""):
                 for i in range(LANES):
                     path = load(lanes, i)
                     if path.alive == 1:
-                        path = open_eyes(fly_anywhere(scene, path, seed))
+                        path = open_eyes(fly_anywhere(scene, path, seed), camera)
                     store(lanes, i, path)
 
             if wp.static(lone_solid):
                 for i in range(LANES):
                     path = load(lanes, i)
-                    store(lanes, i, open_eyes(look_at_lone_solid(path, lone_shape, wp.static(lone_kind))))
+                    store(lanes, i, open_eyes(look_at_lone_solid(path, lone_shape, wp.static(lone_kind)), camera))
             if wp.static(has_solids and (has_crossings or has_surfaces)):
                 for s in range(scene.solids.shape[0]):
                     solid = scene.solids[s]
@@ -1181,7 +1258,7 @@ def build_program(features: RenderFeatures) -> Program:
 
             for i in range(LANES):
                 path = load(lanes, i)
-                path = arrive(path, lone, environment, camera.forward, limits)
+                path = arrive(path, lone, environment, camera, limits)
                 if wp.static(connects_in_lanes):
                     path = begin_connection(path, lone)
                 if wp.static(not features.connections):

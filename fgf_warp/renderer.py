@@ -292,6 +292,7 @@ def develop(model: Model, state: State, image: int = 0) -> RenderResult:
     radiance = plane(film.radiance) / n
     spread = np.maximum(plane(film.radiance_sq) / n - radiance**2, 0.0)
     variance = spread / (n - 1) if n > 1 else np.full_like(spread, np.inf)
+    exposure = model.scene.camera.exposure_scale
     aovs: dict[Aov, np.ndarray] = {}
     if Aov.DEPTH in settings.aovs:
         depth = plane(film.depth)
@@ -300,9 +301,9 @@ def develop(model: Model, state: State, image: int = 0) -> RenderResult:
         if aov in settings.aovs:
             aovs[aov] = (plane(getattr(film, aov)) / n).astype(np.float32)
     return RenderResult(
-        radiance=radiance.astype(np.float32),
+        radiance=(exposure * radiance).astype(np.float32),
         alpha=(plane(film.alpha) / n).astype(np.float32),
-        variance=variance.astype(np.float32),
+        variance=(exposure**2 * variance).astype(np.float32),
         aovs=aovs,
         samples=n,
         path_count=n * pixels,
@@ -435,6 +436,7 @@ def _provenance(model: Model, image: int, samples: int) -> dict[str, Any]:
         "scene": scene.source,
         "meters_per_unit": scene.meters_per_unit,
         "camera": scene.camera.name,
+        "exposure_scale": scene.camera.exposure_scale,
         "media": [
             {
                 "name": m.name,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.bvh import build_wide_tree
-from fgf_warp.device import bvh, geometry, law, lights, medium, phase, surfaces, tables
+from fgf_warp.device import bvh, geometry, law, lights, medium, numerics, phase, surfaces, tables
 from fgf_warp.device import camera as camera_device
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import LAW_KINDS, LIGHT_KINDS, SOLID_KINDS, Limits, SceneData
@@ -21,13 +21,18 @@ from fgf_warp.scene import (
     Camera,
     DistantLight,
     DomeLight,
+    Light,
     Medium,
     Mesh,
+    MeshInstance,
+    MeshLight,
     Scene,
     Shape,
     Solid,
     SphereLight,
     Surface,
+    shape_bounds,
+    unit_axes,
 )
 from fgf_warp.settings import RenderSettings
 from fgf_warp.theory import fbm, kernels
@@ -76,7 +81,13 @@ def upload(
         raise UnsupportedFeatureError(
             f"{scene.source}: {len(containers)} shapes are filled with media; accepted: at most {MAX_CONTAINERS}"
         )
-    solids = [_solid(shape, shapes, containers) for shape in shapes if isinstance(shape, Solid)]
+    surface_of, container_of = number_surfaces(shapes), number_containers(shapes)
+    solids = [
+        _solid(shape, surface_of.get(shape, -1), container_of.get(shape, -1))
+        for shape in shapes
+        if isinstance(shape, Solid)
+    ]
+    lights_met = [light for light in scene.lights if not isinstance(light, DomeLight)]
     rows = LawTables()
     media = [_medium(item, index, scene, rows) for own in media_of_images for index, item in enumerate(own)]
 
@@ -86,7 +97,7 @@ def upload(
     data.solids = wp.array(solids, dtype=geometry.Solid, device=device)
     filled = [k for k, solid in enumerate(solids) if solid.container >= 0]
     data.lone_solid = filled[0] if filled else -1
-    data.meshes = build_device_meshes(shapes, containers, device)
+    data.meshes = build_device_meshes(shapes, lights_met, device)
     data.surfaces = wp.array(
         [_surface(s.surface) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
     )
@@ -94,18 +105,27 @@ def upload(
     data.media_count = len(scene.media)
     data.tables = rows.upload(device)
     data.containers = wp.array([_container(s, scene) for s in containers], dtype=medium.Container, device=device)
-    data.lights = wp.array(
-        [build_device_light(light) for light in scene.lights if not isinstance(light, DomeLight)],
-        dtype=lights.Light,
-        device=device,
-    )
-    data.camera_inside = wp.uint32(containers_around(scene.camera.position, containers))
+    data.lights = wp.array([build_device_light(light) for light in lights_met], dtype=lights.Light, device=device)
+    low, high = scene.camera.start_bounds(settings.width, settings.height)
+    data.camera_inside = wp.uint32(containers_around((low + high) / 2, containers))
+    if scene.shapes_around_starts(settings.width, settings.height):
+        lows, highs = zip(*(shape_bounds(shape) for shape in containers), strict=True)
+        low, high = np.min(lows, axis=0), np.max(highs, axis=0)
+        data.media_center, data.media_radius = wp.vec3(*(low + high) / 2), float(np.linalg.norm(high - low))
+        data.boundaries = build_device_meshes([_bare(shape) for shape in containers], [], device)
     data.seeds = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
 
     limits = Limits()
     limits.max_depth = settings.max_depth
     limits.roulette_depth = settings.roulette_depth
     return UploadedScene(data, limits)
+
+
+def _bare(shape: Shape) -> Shape:
+    """The shape as a mere boundary."""
+    if isinstance(shape, MeshInstance):
+        return replace(shape, mesh=replace(shape.mesh, surface=None))
+    return replace(shape, surface=None)
 
 
 def containers_around(point: np.ndarray, containers: Sequence[Shape]) -> int:
@@ -208,17 +228,49 @@ def _flights(line: fbm.ExactFbm, farthest: float, rows: LawTables, *, from_mediu
     return result
 
 
-def build_device_meshes(shapes: Sequence[Shape], containers: Sequence[Shape], device: str) -> Any:
-    """The device's view of all meshes among `shapes`; bits of `inside` are places in `containers`."""
-    meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
-    tree = build_wide_tree([np.asarray(mesh.points, dtype=np.float32)[mesh.triangles] for mesh in meshes])
+def build_device_meshes(shapes: Sequence[Shape], lights_met: Sequence[Light], device: str) -> Any:
+    """The device's view of all triangles.
+
+    Args:
+        shapes: whose meshes there are; surfaces, and bits of `inside`, are numbered in their order.
+        lights_met: among which those of triangles are; lights are numbered in their order.
+        device: to copy them to.
+    """
+    surface_of, container_of = number_surfaces(shapes), number_containers(shapes)
+    corners: list[np.ndarray] = []
+    rows: list[tuple] = []
+    for shape in shapes:
+        if isinstance(shape, Mesh):
+            corners.append(np.asarray(shape.points, dtype=np.float32)[shape.triangles])
+            rows.append((surface_of.get(shape, -1), container_of.get(shape, -1), -1, shape.shadow_links))
+    for index, light in enumerate(lights_met):
+        if isinstance(light, MeshLight):
+            corners.append(light.corners.astype(np.float32))
+            rows.append((-1, -1, index, 0))
+    tree = build_wide_tree(corners)
     result = bvh.Bvh()
     result.boxes = wp.array(tree.boxes, dtype=bvh.vec8, device=device)
     result.children = wp.array(tree.children, dtype=bvh.vec8i, device=device)
     result.triangles = wp.array(tree.triangles, dtype=bvh.vec8, device=device)
     result.owners = wp.array(tree.owners, dtype=bvh.vec8i, device=device)
-    result.meshes = wp.array([_mesh(mesh, shapes, containers) for mesh in meshes], dtype=bvh.Mesh, device=device)
+    result.faces = wp.array(tree.faces, dtype=bvh.vec8i, device=device)
+    result.meshes = _structs(rows, bvh.Mesh, device)
     return result
+
+
+def _structs(rows: Sequence[tuple], dtype: Any, device: str) -> wp.array:
+    """An array of structs, each from the tuple of its fields; a list of structs would take a hundred times as long."""
+    return wp.array(np.array(rows, dtype=dtype.numpy_dtype()), dtype=dtype, device=device)
+
+
+def number_surfaces(shapes: Sequence[Shape]) -> dict[Shape, int]:
+    """The index of each shape's surface, of those that have one."""
+    return {shape: index for index, shape in enumerate(shape for shape in shapes if shape.surface is not None)}
+
+
+def number_containers(shapes: Sequence[Shape]) -> dict[Shape, int]:
+    """The bit of each shape that a medium fills."""
+    return {shape: bit for bit, shape in enumerate(shape for shape in shapes if shape.medium is not None)}
 
 
 def _medium(item: Medium, index: int, scene: Scene, rows: LawTables) -> Any:
@@ -266,30 +318,15 @@ def _container(shape: Shape, scene: Scene) -> Any:
     return result
 
 
-def _solid(shape: Solid, shapes: Sequence[Shape], containers: Sequence[Shape]) -> Any:
+def _solid(shape: Solid, surface: int, container: int) -> Any:
     to_object = np.linalg.inv(shape.object_to_world)
     result = geometry.Solid()
     result.kind = SOLID_KINDS[shape.kind]
     result.to_object = wp.mat33(*to_object[:3, :3].flatten())
     result.to_object_offset = wp.vec3(*to_object[:3, 3])
-    result.surface, result.container = _surface_index(shape, shapes), _container_bit(shape, containers)
+    result.surface, result.container = surface, container
+    result.shadow_links = shape.shadow_links
     return result
-
-
-def _mesh(shape: Mesh, shapes: Sequence[Shape], containers: Sequence[Shape]) -> Any:
-    result = bvh.Mesh()
-    result.surface, result.container = _surface_index(shape, shapes), _container_bit(shape, containers)
-    return result
-
-
-def _surface_index(shape: Shape, shapes: Sequence[Shape]) -> int:
-    if shape.surface is None:
-        return -1
-    return [other for other in shapes if other.surface is not None].index(shape)
-
-
-def _container_bit(shape: Shape, containers: Sequence[Shape]) -> int:
-    return containers.index(shape) if shape.medium is not None else -1
 
 
 def _surface(surface: Surface) -> Any:
@@ -301,14 +338,25 @@ def _surface(surface: Surface) -> Any:
 
 def _camera(camera: Camera, width: int, height: int) -> Any:
     left, right, bottom, top = camera.window(width, height)
-    axes = camera.camera_to_world[:3, :3] / np.linalg.norm(camera.camera_to_world[:3, :3], axis=0)
+    closing = camera.camera_to_world if camera.closing is None else camera.closing
+    near, far = camera.clipping_range
     result = camera_device.Camera()
-    result.position = wp.vec3(*camera.position)
-    result.right, result.up, result.forward = wp.vec3(*axes[:, 0]), wp.vec3(*axes[:, 1]), wp.vec3(*-axes[:, 2])
+    result.position, result.closing_position = wp.vec3(*camera.position), wp.vec3(*closing[:3, 3])
+    result.right, result.up, result.forward = _camera_axes(camera.camera_to_world)
+    result.closing_right, result.closing_up, result.closing_forward = _camera_axes(closing)
     result.left_edge, result.top_edge = left, top
     result.pixel_width, result.pixel_height = (right - left) / width, (top - bottom) / height
     result.width = width
+    result.is_orthographic = int(camera.projection == "orthographic")
+    result.lens_radius = camera.lens_radius
+    result.nearness = 1 / camera.focus_distance if camera.has_lens else 0.0
+    result.near, result.far = near, min(far, float(numerics.INFINITE))
     return result
+
+
+def _camera_axes(matrix: np.ndarray) -> tuple[wp.vec3, wp.vec3, wp.vec3]:
+    axes = unit_axes(matrix)
+    return wp.vec3(*axes[:, 0]), wp.vec3(*axes[:, 1]), wp.vec3(*-axes[:, 2])
 
 
 def _dome_radiance(scene: Scene) -> np.ndarray:

@@ -8,9 +8,11 @@ Triangles are met watertight: Woop, Benthin and Wald 2013, "Watertight ray/trian
 slack of Ize 2013, "Robust BVH ray traversal".
 """
 
+from typing import Any
+
 import warp as wp
 
-from fgf_warp.device.geometry import BOUNDARY, SURFACE, Hit, Start, coordinate_reach, is_inside
+from fgf_warp.device.geometry import BOUNDARY, LIGHT, SURFACE, Hit, Start, casts_shadow, coordinate_reach, is_inside
 from fgf_warp.device.numerics import INFINITE
 
 vec8 = wp.types.vector(length=8, dtype=wp.float32)
@@ -44,12 +46,34 @@ WaitingDistances = wp.types.vector(length=STACK, dtype=wp.float32)
 
 @wp.struct
 class Mesh:
-    """What the triangles of one mesh are."""
+    """What the triangles of one mesh or light are."""
 
     surface: int
-    """-1: a bare boundary."""
+    """-1: a bare boundary, or a light."""
     container: int
     """Bit of the medium that fills it, or -1."""
+    light: int
+    """Its index, or -1."""
+    shadow_links: wp.uint32
+    """Bits of the lights in whose light it casts a shadow."""
+
+
+@wp.struct
+class Ray:
+    """A ray as boxes and triangles are met by it."""
+
+    origin: wp.vec3
+    direction: wp.vec3
+    inverse: wp.vec3
+    """Of its slopes."""
+    slackened: wp.vec3
+    """The same with `BOX_SLACK`."""
+    near: wp.vec3i
+    far: wp.vec3i
+    """Where the rows of a node's planes begin that it meets first and last, for each axis."""
+    axes: wp.vec3i
+    """Of its frame: z is its longest axis, and x and y are sheared so that the ray is the z axis (Woop et al.)."""
+    shear: wp.vec3
 
 
 @wp.struct
@@ -64,6 +88,8 @@ class Bvh:
     """Per leaf: nine rows of eight."""
     owners: wp.array(dtype=vec8i)
     """Per leaf: index of the triangles' meshes."""
+    faces: wp.array(dtype=vec8i)
+    """Per leaf: the triangles' numbers in their meshes."""
     meshes: wp.array(dtype=Mesh)
 
 
@@ -71,17 +97,6 @@ class Bvh:
 def safe_inverse(slope: float) -> float:
     """1 / slope, finite."""
     return 1.0 / wp.where(wp.abs(slope) > TINY_SLOPE, slope, wp.where(slope < 0.0, -TINY_SLOPE, TINY_SLOPE))
-
-
-@wp.func
-def accepts(mesh: Mesh, is_front: bool, t: float, start: Start) -> bool:
-    """A surface is met from both sides, a boundary from the side that the path is on."""
-    if mesh.surface >= 0:
-        return t > 0.0
-    if is_inside(start.inside, mesh.container) == is_front:
-        return False
-    # Behind there may be a face that the ray should have crossed; not one of the mesh that it has just crossed.
-    return t > start.t_min or mesh.container != start.crossed
 
 
 @wp.func(inline=True)
@@ -112,21 +127,16 @@ def longest_axis(direction: wp.vec3) -> int:
 
 
 @wp.func(inline=True)
-def enter_boxes(
-    boxes: wp.array(dtype=float),
-    near: wp.vec3i,
-    far: wp.vec3i,
-    origin: wp.vec3,
-    inverse: wp.vec3,
-    slackened: wp.vec3,
-    t_least: float,
-    t_most: float,
-):
+def enter_boxes(boxes: wp.array(dtype=float), row: int, ray: Ray, t_least: float, t_most: float):
     """Where the ray enters the children of a node, and bits of those that it is in between t_least and t_most.
 
-    near, far: where the rows of the planes begin that the ray meets first and last, for each axis.
-    inverse, slackened: of the slopes, for the near planes and with `BOX_SLACK` for the far ones.
+    row: where the node begins.
     """
+    near = ray.near + wp.vec3i(row, row, row)
+    far = ray.far + wp.vec3i(row, row, row)
+    origin = ray.origin
+    inverse = ray.inverse
+    slackened = ray.slackened
     entries = vec16()
     met = int(0)
     lane = int(0)
@@ -146,13 +156,15 @@ def enter_boxes(
 
 
 @wp.func(inline=True)
-def meet_triangles(
-    triangles: wp.array(dtype=float), rows: wp.vec3i, origin: wp.vec3, shear: wp.vec3, t_least: float, t_most: float
-):
+def meet_triangles(triangles: wp.array(dtype=float), row: int, ray: Ray, t_least: float, t_most: float):
     """Distances of a leaf's triangles, and bits of those between t_least and t_most: eight of fronts, eight of backs.
 
-    In the ray's frame: `rows`, where the first corners' coordinates begin, and `origin` are along its axes.
+    row: where the leaf begins.
     """
+    # In the ray's frame.
+    rows = ray.axes * LEAF + wp.vec3i(row, row, row)
+    origin = wp.vec3(ray.origin[ray.axes[0]], ray.origin[ray.axes[1]], ray.origin[ray.axes[2]])
+    shear = ray.shear
     distances = vec8()
     met = int(0)
     lane = int(0)
@@ -183,125 +195,182 @@ def meet_triangles(
     return distances, met
 
 
+@wp.func(inline=True)
+def corner_of(triangles: wp.array(dtype=float), leaf: int, lane: int, corner: int) -> wp.vec3:
+    """Of one triangle of a leaf."""
+    x = leaf * LEAF_FLOATS + corner * CORNER_FLOATS + lane
+    return wp.vec3(triangles[x], triangles[x + LEAF], triangles[x + 2 * LEAF])
+
+
 @wp.func
 def triangle_normal(triangles: wp.array(dtype=float), leaf: int, lane: int) -> wp.vec3:
     """Unit normal of one triangle."""
-    x = leaf * LEAF_FLOATS + lane
-    y = x + LEAF
-    z = y + LEAF
-    a = wp.vec3(triangles[x], triangles[y], triangles[z])
-    b = wp.vec3(triangles[x + CORNER_FLOATS], triangles[y + CORNER_FLOATS], triangles[z + CORNER_FLOATS])
-    x += 2 * CORNER_FLOATS
-    y += 2 * CORNER_FLOATS
-    z += 2 * CORNER_FLOATS
-    return wp.normalize(wp.cross(b - a, wp.vec3(triangles[x], triangles[y], triangles[z]) - a))
+    a = corner_of(triangles, leaf, lane, 0)
+    b = corner_of(triangles, leaf, lane, 1)
+    return wp.normalize(wp.cross(b - a, corner_of(triangles, leaf, lane, 2) - a))
+
+
+@wp.func(inline=True)
+def shear_corner(corner: wp.vec3, ray: Ray) -> wp.vec2:
+    """Where a corner lies across the ray."""
+    p = corner - ray.origin
+    z = p[ray.axes[2]]
+    return wp.vec2(p[ray.axes[0]] + z * ray.shear[0], p[ray.axes[1]] + z * ray.shear[1])
 
 
 @wp.func
-def intersect_meshes(bvh: Bvh, origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit) -> Hit:
-    """`nearest`, or the triangle before it that the path can meet."""
-    hit = nearest
-    if bvh.children.shape[0] == 0:
-        return hit
-    # The shape is where a negative index counts from; there is none, and from 0 that costs nothing.
-    boxes = wp.array(ptr=bvh.boxes.ptr, shape=(0,), dtype=float)
-    children = wp.array(ptr=bvh.children.ptr, shape=(0,), dtype=int)
-    triangles = wp.array(ptr=bvh.triangles.ptr, shape=(0,), dtype=float)
-    owners = wp.array(ptr=bvh.owners.ptr, shape=(0,), dtype=int)
+def weigh_corners(triangles: wp.array(dtype=float), leaf: int, lane: int, ray: Ray) -> wp.vec2:
+    """Weights of the second and third corners at the point where the ray meets a triangle; none is negative."""
+    a = shear_corner(corner_of(triangles, leaf, lane, 0), ray)
+    b = shear_corner(corner_of(triangles, leaf, lane, 1), ray)
+    c = shear_corner(corner_of(triangles, leaf, lane, 2), ray)
+    u = c[0] * b[1] - c[1] * b[0]
+    v = a[0] * c[1] - a[1] * c[0]
+    w = b[0] * a[1] - b[1] * a[0]
+    return wp.vec2(v, w) / (u + v + w)
 
-    slack = upper(start.slack, ROUNDING * coordinate_reach(origin, start.t_min))
-    t_least = start.t_min - FLATTEST * slack
-    inverse = wp.vec3(safe_inverse(direction[0]), safe_inverse(direction[1]), safe_inverse(direction[2]))
-    slackened = inverse * BOX_SLACK
-    near = wp.vec3i(
+
+@wp.func(inline=True)
+def aim(origin: wp.vec3, direction: wp.vec3) -> Ray:
+    """What is the same for all boxes and triangles; the direction need not be of unit length."""
+    ray = Ray()
+    ray.origin = origin
+    ray.direction = direction
+    ray.inverse = wp.vec3(safe_inverse(direction[0]), safe_inverse(direction[1]), safe_inverse(direction[2]))
+    ray.slackened = ray.inverse * BOX_SLACK
+    ray.near = wp.vec3i(
         wp.where(direction[0] < 0.0, WIDTH, 0),
         wp.where(direction[1] < 0.0, 3 * WIDTH, 2 * WIDTH),
         wp.where(direction[2] < 0.0, 5 * WIDTH, 4 * WIDTH),
     )
-    far = wp.vec3i(WIDTH, 5 * WIDTH, 9 * WIDTH) - near
-    # The ray's frame: z along its longest axis, x and y sheared so that the ray is the z axis (Woop et al.).
+    ray.far = wp.vec3i(WIDTH, 5 * WIDTH, 9 * WIDTH) - ray.near
     kz = longest_axis(direction)
     is_turned = direction[kz] < 0.0
     after = wp.where(kz == 2, 0, kz + 1)
     before = wp.where(kz == 0, 2, kz - 1)
     kx = wp.where(is_turned, before, after)
     ky = wp.where(is_turned, after, before)
-    shear = wp.vec3(-direction[kx], -direction[ky], 1.0) / direction[kz]
-    framed_origin = wp.vec3(origin[kx], origin[ky], origin[kz])
-    framed_rows = wp.vec3i(LEAF * kx, LEAF * ky, LEAF * kz)
+    ray.axes = wp.vec3i(kx, ky, kz)
+    ray.shear = wp.vec3(-direction[kx], -direction[ky], 1.0) / direction[kz]
+    return ray
 
-    # Below all that waits there is no node, nearer than any hit.
-    waiting = WaitingNodes()
-    waiting_t = WaitingDistances()
-    waiting[0] = NONE
-    waiting_t[0] = -INFINITE
-    depth = int(1)
-    node = int(0)
-    hit_leaf = int(-1)
-    hit_lane = int(0)
 
-    while node != NONE:
-        if node >= 0:
-            row = node * NODE_FLOATS
-            rows = wp.vec3i(row, row, row)
-            entries, met = enter_boxes(
-                boxes, near + rows, far + rows, origin, inverse, slackened, t_least, hit.t * BOX_SLACK
-            )
-            if met != 0:
-                # The nearest child comes next, the others wait.
-                first_child = node * WIDTH
-                lane = lowest_lane(met)
-                node = children[first_child + lane]
-                node_t = entries[lane]
-                met = met & (met - 1)
+def build_intersect_meshes(features: Any) -> Any:
+    """The function that meets a ray with the triangles of a scene of these features.
+
+    It has the arguments (bvh, origin, direction, start, nearest), and gives `nearest`, or the triangle before it that
+    the path can meet.
+    """
+    has_light_triangles = "mesh" in features.shaped_lights
+
+    @wp.func
+    def accepts(mesh: Mesh, is_front: bool, t: float, start: Start) -> bool:
+        """A surface is met from both sides, a boundary from the side that the path is on."""
+        if wp.static(has_light_triangles):
+            if mesh.light >= 0:
+                return t > 0.0
+        if mesh.surface >= 0:
+            if wp.static(features.links):
+                if not casts_shadow(mesh.shadow_links, start.casters):
+                    return False
+            return t > start.passed
+        if is_inside(start.inside, mesh.container) == is_front:
+            return False
+        # Behind there may be a face that the ray should have crossed; not one of the mesh that it has just crossed.
+        return t > start.t_min or mesh.container != start.crossed
+
+    @wp.func
+    def intersect_meshes(bvh: Bvh, origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit) -> Hit:
+        hit = nearest
+        if bvh.children.shape[0] == 0:
+            return hit
+        # The shape is where a negative index counts from; there is none, and from 0 that costs nothing.
+        boxes = wp.array(ptr=bvh.boxes.ptr, shape=(0,), dtype=float)
+        children = wp.array(ptr=bvh.children.ptr, shape=(0,), dtype=int)
+        triangles = wp.array(ptr=bvh.triangles.ptr, shape=(0,), dtype=float)
+        owners = wp.array(ptr=bvh.owners.ptr, shape=(0,), dtype=int)
+
+        ray = aim(origin, direction)
+        begin = upper(start.t_min, start.passed)
+        slack = upper(start.slack, ROUNDING * coordinate_reach(origin, begin))
+        t_least = begin - FLATTEST * slack
+
+        # Below all that waits there is no node, nearer than any hit.
+        waiting = WaitingNodes()
+        waiting_t = WaitingDistances()
+        waiting[0] = NONE
+        waiting_t[0] = -INFINITE
+        depth = int(1)
+        node = int(0)
+        hit_leaf = int(-1)
+        hit_lane = int(0)
+
+        while node != NONE:
+            if node >= 0:
+                entries, met = enter_boxes(boxes, node * NODE_FLOATS, ray, t_least, hit.t * BOX_SLACK)
+                if met != 0:
+                    # The nearest child comes next, the others wait.
+                    first_child = node * WIDTH
+                    lane = lowest_lane(met)
+                    node = children[first_child + lane]
+                    node_t = entries[lane]
+                    met = met & (met - 1)
+                    while met != 0:
+                        lane = lowest_lane(met)
+                        met = met & (met - 1)
+                        other = children[first_child + lane]
+                        other_t = entries[lane]
+                        is_nearer = other_t < node_t
+                        # Bits that a depth always has, said to save the wrap of a negative index.
+                        place = depth & 127
+                        waiting[place] = wp.where(is_nearer, node, other)
+                        waiting_t[place] = upper(node_t, other_t)
+                        node = wp.where(is_nearer, other, node)
+                        node_t = lower(node_t, other_t)
+                        depth += 1
+                    continue
+            else:
+                leaf = -1 - node
+                distances, met = meet_triangles(triangles, leaf * LEAF_FLOATS, ray, t_least, hit.t)
                 while met != 0:
                     lane = lowest_lane(met)
+                    is_front = lane < LEAF
+                    lane = wp.where(is_front, lane, lane - LEAF)
                     met = met & (met - 1)
-                    other = children[first_child + lane]
-                    other_t = entries[lane]
-                    is_nearer = other_t < node_t
-                    # Bits that a depth always has, said to save the wrap of a negative index.
-                    place = depth & 127
-                    waiting[place] = wp.where(is_nearer, node, other)
-                    waiting_t[place] = upper(node_t, other_t)
-                    node = wp.where(is_nearer, other, node)
-                    node_t = lower(node_t, other_t)
-                    depth += 1
-                continue
-        else:
-            leaf = -1 - node
-            row = leaf * LEAF_FLOATS
-            distances, met = meet_triangles(
-                triangles, framed_rows + wp.vec3i(row, row, row), framed_origin, shear, t_least, hit.t
-            )
-            while met != 0:
-                lane = lowest_lane(met)
-                is_front = lane < LEAF
-                lane = wp.where(is_front, lane, lane - LEAF)
-                met = met & (met - 1)
-                t = distances[lane]
-                owner = int(0)
-                if bvh.meshes.shape[0] > 1:
-                    owner = owners[leaf * LEAF + lane]
-                mesh = bvh.meshes[owner]
-                is_met = t < hit.t and accepts(mesh, is_front, t, start)
-                if is_met and t < start.t_min:
-                    # Behind: as far as rounding can have moved the ray across the face, and no farther.
-                    normal = triangle_normal(triangles, leaf, lane)
-                    is_met = (start.t_min - t) * wp.abs(wp.dot(normal, direction)) < slack
-                if is_met:
-                    hit.t = upper(t, start.t_min)
-                    hit_leaf = leaf
-                    hit_lane = lane
-                    hit.kind = wp.where(mesh.surface >= 0, SURFACE, BOUNDARY)
-                    hit.item = wp.where(mesh.surface >= 0, mesh.surface, mesh.container)
+                    t = distances[lane]
+                    owner = int(0)
+                    if bvh.meshes.shape[0] > 1:
+                        owner = owners[leaf * LEAF + lane]
+                    mesh = bvh.meshes[owner]
+                    is_met = t < hit.t and accepts(mesh, is_front, t, start)
+                    if is_met and t < start.t_min:
+                        # Behind: as far as rounding can have moved the ray across the face, and no farther.
+                        normal = triangle_normal(triangles, leaf, lane)
+                        is_met = (start.t_min - t) * wp.abs(wp.dot(normal, direction)) < slack
+                    if is_met:
+                        hit.t = upper(t, start.t_min)
+                        hit_leaf = leaf
+                        hit_lane = lane
+                        hit.kind = wp.where(mesh.surface >= 0, SURFACE, BOUNDARY)
+                        hit.item = wp.where(mesh.surface >= 0, mesh.surface, mesh.container)
+                        if wp.static(has_light_triangles):
+                            if mesh.light >= 0:
+                                hit.kind = LIGHT
+                                hit.item = mesh.light
 
-        # What waits, and is not behind what was met.
-        depth -= 1
-        while waiting_t[depth & 127] > hit.t:
+            # What waits, and is not behind what was met.
             depth -= 1
-        node = waiting[depth & 127]
+            while waiting_t[depth & 127] > hit.t:
+                depth -= 1
+            node = waiting[depth & 127]
 
-    if hit_leaf >= 0 and hit.kind == SURFACE:
-        hit.normal = triangle_normal(triangles, hit_leaf, hit_lane)
-    return hit
+        if hit_leaf >= 0 and hit.kind != BOUNDARY:
+            hit.normal = triangle_normal(triangles, hit_leaf, hit_lane)
+            if wp.static(features.faces):
+                weights = weigh_corners(triangles, hit_leaf, hit_lane, ray)
+                hit.face = bvh.faces[hit_leaf][hit_lane]
+                hit.u = weights[0]
+                hit.v = weights[1]
+        return hit
+
+    return intersect_meshes

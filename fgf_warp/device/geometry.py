@@ -75,6 +75,8 @@ class Solid:
     """-1: a bare boundary."""
     container: int
     """Bit of the medium that fills it, or -1."""
+    shadow_links: wp.uint32
+    """Bits of the lights in whose light it casts a shadow."""
 
 
 @wp.func(inline=True)
@@ -87,6 +89,12 @@ def is_inside(inside: wp.uint32, container: int) -> bool:
 def cross_boundary(inside: wp.uint32, container: int) -> wp.uint32:
     """The path's containers after it has crossed the boundary of one."""
     return inside ^ (wp.uint32(1) << wp.uint32(container))
+
+
+@wp.func(inline=True)
+def casts_shadow(shadow_links: wp.uint32, casters: wp.uint32) -> bool:
+    """True where a shape of these `shadow_links` blocks a ray with `Start.casters`."""
+    return casters == wp.uint32(0) or (shadow_links & casters) != wp.uint32(0)
 
 
 @wp.func(inline=True)
@@ -182,10 +190,10 @@ def chord(span: wp.vec2, is_within: bool) -> wp.vec2:
 
 
 @wp.func(inline=True)
-def surface_distance(span: wp.vec2) -> float:
-    """Distance at which a ray meets the surface that spans (t_enter, t_exit); INFINITE where it does not."""
-    ahead = wp.where(span[0] > 0.0, span[0], span[1])
-    return wp.where(span[0] <= span[1] and span[1] > 0.0, ahead, INFINITE)
+def surface_distance(span: wp.vec2, passed: float) -> float:
+    """Distance beyond `passed` at which a ray meets the surface that spans (t_enter, t_exit); INFINITE for none."""
+    ahead = wp.where(span[0] > passed, span[0], span[1])
+    return wp.where(span[0] <= span[1] and span[1] > passed, ahead, INFINITE)
 
 
 @wp.func(inline=True)
@@ -201,10 +209,12 @@ def meet_solid_boundary(solid: Solid, span: wp.vec2, start: Start, nearest: Hit)
 
 
 @wp.func(inline=True)
-def meet_solid_surface(solid: Solid, span: wp.vec2, origin: wp.vec3, direction: wp.vec3, nearest: Hit) -> Hit:
+def meet_solid_surface(
+    solid: Solid, span: wp.vec2, origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
+) -> Hit:
     """`nearest`, or the surface before it."""
     hit = nearest
-    t = surface_distance(span)
+    t = surface_distance(span, start.passed)
     is_nearer = t < nearest.t
     p = solid.to_object * (origin + direction * wp.where(is_nearer, t, 0.0)) + solid.to_object_offset
     normal = unit(wp.transpose(solid.to_object) * solid_normal(solid.kind, p))
@@ -212,6 +222,7 @@ def meet_solid_surface(solid: Solid, span: wp.vec2, origin: wp.vec3, direction: 
     hit.kind = wp.where(is_nearer, SURFACE, nearest.kind)
     hit.item = wp.where(is_nearer, solid.surface, nearest.item)
     hit.normal = choose(is_nearer, normal, nearest.normal)
+    hit.face = wp.where(is_nearer, -1, nearest.face)
     return hit
 
 
@@ -233,7 +244,7 @@ def intersect_solids(
         solid = solids[i]
         span = solid_span(solid, solid.kind, origin, direction)
         if solid.surface >= 0:
-            hit = meet_solid_surface(solid, span, origin, direction, hit)
+            hit = meet_solid_surface(solid, span, origin, direction, start, hit)
         else:
             hit = meet_solid_boundary(solid, span, start, hit)
     return hit

@@ -111,6 +111,8 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"shift_x": 1, "shift_y": 1}
     if features.media:
         sizes |= {"inside": 1}
+    if features.motion:
+        sizes |= {"time": 1}
     if features.lone_solid:
         sizes |= {"t_in": 1, "t_out": 1}
     if features.crossings:
@@ -119,6 +121,12 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"from_medium": 1}
     if features.meshes:
         sizes |= {"crossed": 1, "slack": 1}
+    if features.faces:
+        sizes |= {"face": 1, "u": 1, "v": 1}
+    if features.passes:
+        sizes |= {"passed": 1}
+    if features.motion:
+        sizes |= {"time": 1}
     if features.lone_law == "":
         sizes |= {"segment": 1, "keeps": 1} | dict.fromkeys(features.phase_parameters, 1)
     if features.surfaces or features.connections:
@@ -299,6 +307,8 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.shift_y = get_int(lanes, wp.static(at["shift_y"]), i)
         if wp.static("inside" in at):
             path.start.inside = wp.uint32(get_int(lanes, wp.static(at["inside"]), i))
+        if wp.static("time" in at):
+            path.start.time = get(lanes, wp.static(at["time"]), i)
         if wp.static("t_in" in at):
             path.t_in = get(lanes, wp.static(at["t_in"]), i)
             path.t_out = get(lanes, wp.static(at["t_out"]), i)
@@ -312,6 +322,14 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         if wp.static("crossed" in at):
             path.start.crossed = get_int(lanes, wp.static(at["crossed"]), i)
             path.start.slack = get(lanes, wp.static(at["slack"]), i)
+        if wp.static("face" in at):
+            path.hit.face = get_int(lanes, wp.static(at["face"]), i)
+            path.hit.u = get(lanes, wp.static(at["u"]), i)
+            path.hit.v = get(lanes, wp.static(at["v"]), i)
+        if wp.static("passed" in at):
+            path.start.passed = get(lanes, wp.static(at["passed"]), i)
+        if wp.static("time" in at):
+            path.start.time = get(lanes, wp.static(at["time"]), i)
         if wp.static("segment" in at):
             path.segment = get(lanes, wp.static(at["segment"]), i)
             path.keeps = get_int(lanes, wp.static(at["keeps"]), i)
@@ -386,6 +404,8 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put_int(lanes, wp.static(at["shift_y"]), i, path.shift_y)
         if wp.static("inside" in at):
             put_int(lanes, wp.static(at["inside"]), i, wp.int32(path.start.inside))
+        if wp.static("time" in at):
+            put(lanes, wp.static(at["time"]), i, path.start.time)
         if wp.static("t_in" in at):
             put(lanes, wp.static(at["t_in"]), i, path.t_in)
             put(lanes, wp.static(at["t_out"]), i, path.t_out)
@@ -398,6 +418,14 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         if wp.static("crossed" in at):
             put_int(lanes, wp.static(at["crossed"]), i, path.start.crossed)
             put(lanes, wp.static(at["slack"]), i, path.start.slack)
+        if wp.static("face" in at):
+            put_int(lanes, wp.static(at["face"]), i, path.hit.face)
+            put(lanes, wp.static(at["u"]), i, path.hit.u)
+            put(lanes, wp.static(at["v"]), i, path.hit.v)
+        if wp.static("passed" in at):
+            put(lanes, wp.static(at["passed"]), i, path.start.passed)
+        if wp.static("time" in at):
+            put(lanes, wp.static(at["time"]), i, path.start.time)
         if wp.static("segment" in at):
             put(lanes, wp.static(at["segment"]), i, path.segment)
             put_int(lanes, wp.static(at["keeps"]), i, path.keeps)

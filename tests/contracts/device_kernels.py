@@ -1,5 +1,8 @@
 """Kernels that evaluate the device's functions over arrays, for the contract tests; those of media are in `probes`."""
 
+from dataclasses import dataclass
+from functools import cache
+
 import numpy as np
 import warp as wp
 
@@ -9,6 +12,21 @@ from fgf_warp.device.options import kernel_options
 from fgf_warp.upload import build_device_meshes
 
 wp.set_module_options(kernel_options(meshes=True))
+
+
+@dataclass(frozen=True)
+class TreeFeatures:
+    """Of `RenderFeatures` those that the traversal is built for."""
+
+    faces: bool = False
+    instances: bool = False
+    motion: bool = False
+    links: bool = False
+    shaped_lights: frozenset[str] = frozenset()
+
+
+PLAIN = TreeFeatures()
+RICH = TreeFeatures(True, True, True, True, frozenset({"mesh"}))
 
 
 @wp.kernel
@@ -59,38 +77,67 @@ def lattice_kernel(seed: wp.uint64, bounce: int, purpose: int, out: wp.array2d(d
         out[pixel, sample] = rng.draw_lattice(seed, pixel, turn, bounce, purpose)
 
 
-@wp.kernel(enable_backward=False, module="unique", module_options={"fuse_fp": False})
-def meet_meshes_kernel(
-    tree: bvh.Bvh,
-    origin: wp.array(dtype=wp.vec3),
-    direction: wp.array(dtype=wp.vec3),
-    inside: wp.uint32,
-    t: wp.array(dtype=float),
-    normal: wp.array(dtype=wp.vec3),
-):
-    i = wp.tid()
-    hit = Hit()
-    hit.t = 1.0e30
-    start = Start()
-    start.inside = inside
-    start.crossed = -1
-    hit = bvh.intersect_meshes(tree, origin[i], direction[i], start, hit)
-    t[i] = wp.where(hit.kind == MISS, -1.0, hit.t)
-    normal[i] = hit.normal
+@cache
+def meet_meshes_kernel(features):
+    intersect_meshes = bvh.build_intersect_meshes(features)
+
+    @wp.kernel(module="unique", module_options=kernel_options(meshes=True))
+    def kernel(
+        tree: bvh.Bvh,
+        origin: wp.array(dtype=wp.vec3),
+        direction: wp.array(dtype=wp.vec3),
+        start: Start,
+        t: wp.array(dtype=float),
+        kind: wp.array(dtype=int),
+        item: wp.array(dtype=int),
+        face: wp.array(dtype=int),
+        u: wp.array(dtype=float),
+        v: wp.array(dtype=float),
+        normal: wp.array(dtype=wp.vec3),
+    ):
+        i = wp.tid()
+        nearest = Hit()
+        nearest.t = 1.0e30
+        hit = intersect_meshes(tree, origin[i], direction[i], start, nearest)
+        t[i] = wp.where(hit.kind == MISS, -1.0, hit.t)
+        kind[i] = hit.kind
+        item[i] = hit.item
+        face[i] = hit.face
+        u[i] = hit.u
+        v[i] = hit.v
+        normal[i] = hit.normal
+
+    return kernel
+
+
+@dataclass(frozen=True)
+class MeshHits:
+    """What rays meet: distances, -1 for a miss; kinds and items; triangles and places on them; normals."""
+
+    t: np.ndarray
+    kind: np.ndarray
+    item: np.ndarray
+    face: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    normal: np.ndarray
+
+
+def hit_meshes(shapes, origin, direction, *, lights=(), kept=PLAIN, inside=0, **start) -> MeshHits:
+    """What rays meet of meshes, by the traversal that is built for the features `kept`."""
+    tree = build_device_meshes(shapes, lights, "cpu")
+    begin = Start()
+    begin.inside, begin.crossed = inside, -1
+    for key, value in start.items():
+        setattr(begin, key, value)
+    rays = [wp.array(np.asarray(x, dtype=np.float32), dtype=wp.vec3, device="cpu") for x in (origin, direction)]
+    dtypes = (float, int, int, int, float, float, wp.vec3)
+    found = [wp.zeros(len(rays[0]), dtype=dtype, device="cpu") for dtype in dtypes]
+    wp.launch(meet_meshes_kernel(kept), dim=len(rays[0]), inputs=[tree, *rays, begin], outputs=found, device="cpu")
+    return MeshHits(*(array.numpy() for array in found))
 
 
 def meet_meshes(meshes, origin, direction, inside: int = 0):
     """Distances, -1 for a miss, and normals, at which rays meet meshes."""
-    containers = [mesh for mesh in meshes if mesh.medium is not None]
-    tree = build_device_meshes(meshes, containers, "cpu")
-    rays = [wp.array(np.asarray(x, dtype=np.float32), dtype=wp.vec3, device="cpu") for x in (origin, direction)]
-    t = wp.zeros(len(rays[0]), dtype=float, device="cpu")
-    normal = wp.zeros(len(rays[0]), dtype=wp.vec3, device="cpu")
-    wp.launch(
-        meet_meshes_kernel,
-        dim=len(rays[0]),
-        inputs=[tree, *rays, wp.uint32(inside)],
-        outputs=[t, normal],
-        device="cpu",
-    )
-    return t.numpy(), normal.numpy()
+    hits = hit_meshes(meshes, origin, direction, inside=inside)
+    return hits.t, hits.normal

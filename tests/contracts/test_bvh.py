@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from fgf_warp.bvh import build_wide_tree
-from fgf_warp.scene import Mesh, Surface
-from tests.contracts.device_kernels import meet_meshes
+from fgf_warp.device.geometry import LIGHT
+from fgf_warp.scene import Mesh, MeshLight, Surface
+from tests.contracts.device_kernels import RICH, hit_meshes, meet_meshes
 from usd_scenes.library import trefoil_tube
 
 
@@ -234,8 +235,47 @@ def test_one_triangle_is_met():
     mesh = Mesh("/one", UNIT.astype(np.float32), np.array([[0, 1, 2]]), Surface())
     t, normal = meet_meshes([mesh], [[0.2, 0.2, 3.0], [0.8, 0.8, 3.0]], [[0, 0, -1.0], [0, 0, -1.0]])
     assert t == pytest.approx([3.0, -1.0], rel=1e-6)
-    assert normal[0].tolist() == [0, 0, 1]
+    assert normal[0].tolist() == pytest.approx([0, 0, 1], abs=1e-6)
 
 
 def test_no_meshes_no_tree():
     assert build_wide_tree([]).children.shape == (0, 8)
+
+
+def test_the_triangle_that_is_met_and_where_on_it():
+    """Two meshes and a light: the hit is the point that the weights give of the triangle that is named."""
+    rng = np.random.default_rng(3)
+    soups = [rng.normal(size=(30, 3, 3)).astype(np.float32) for _ in range(3)]
+    meshes = [Mesh(f"/{k}", soups[k].reshape(-1, 3), np.arange(90).reshape(-1, 3), Surface()) for k in range(2)]
+    lamp = MeshLight("/lamp", soups[2].astype(np.float64), (1, 1, 1))
+    origin, direction = rng.uniform(-3, 3, size=(5000, 3)).astype(np.float32), directions(5000, 4)
+    hits = hit_meshes(meshes, origin, direction, lights=[lamp], kept=RICH)
+    expected = meet_every_triangle(np.concatenate(soups), origin, direction)
+    met = hits.t >= 0
+    assert np.array_equal(met, np.isfinite(expected.min(axis=1)))
+    owner, face = np.divmod(expected.argmin(axis=1), 30)
+    assert np.bincount(owner[met]).min() > 100
+    assert np.mean((hits.face == face)[met]) > 0.999
+    assert np.array_equal(hits.kind[met] == LIGHT, (owner == 2)[met])
+    assert np.mean((hits.item == np.where(owner == 2, 0, owner))[met]) > 0.999
+    weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)[met]
+    assert np.all(weights >= -1e-6)
+    named = np.stack(soups)[np.where(hits.kind == LIGHT, 2, hits.item), hits.face][met]
+    there = np.einsum("rc,rcx->rx", weights, named)
+    assert np.abs(there - (origin + direction * hits.t[:, None])[met]).max() < 2e-5
+
+
+def test_surfaces_that_were_passed_are_not_met_again():
+    """A ray meets one triangle after the other, each once."""
+    rng = np.random.default_rng(6)
+    soup = Mesh("/soup", rng.normal(size=(600, 3)).astype(np.float32), np.arange(600).reshape(-1, 3), Surface())
+    origin, direction = rng.uniform(-3, 3, size=(1, 3)).astype(np.float32), np.zeros((1, 3), dtype=np.float32)
+    direction[0] = -origin[0] / np.linalg.norm(origin[0])
+    expected = np.sort(meet_every_triangle(soup.points[soup.triangles], origin, direction)[0])
+    expected = expected[np.isfinite(expected)]
+    assert len(expected) > 10
+    passed = 0.0
+    for t in [*expected, -1.0]:
+        hits = hit_meshes([soup], origin, direction, kept=RICH, passed=passed)
+        assert hits.t[0] == pytest.approx(t, rel=1e-5)
+        passed = float(hits.t[0])

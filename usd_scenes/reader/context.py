@@ -8,6 +8,7 @@ import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
 from fgf_warp.errors import SceneError
+from usd_scenes.reader.images import ImageFiles
 from usd_scenes.reader.notes import Notes
 
 
@@ -23,6 +24,7 @@ class StageContext:
         refinement: levels of subdivision, >= 0.
         strict: True where what is missing is an error instead of a warning.
         notes: collects warnings.
+        images: keeps the pictures that were read.
     """
 
     stage: Usd.Stage
@@ -32,6 +34,7 @@ class StageContext:
     refinement: int = 2
     strict: bool = False
     notes: Notes = field(default_factory=Notes)
+    images: ImageFiles = field(default_factory=ImageFiles)
     _opening: UsdGeom.XformCache = field(init=False)
     _closing: UsdGeom.XformCache = field(init=False)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from typing import Any
 
 from pxr import Usd
@@ -92,8 +93,10 @@ def _refuse_unknown_attributes(material: Usd.Prim) -> None:
     known = {*schema.MEDIUM_ATTRIBUTES.values(), schema.BOUNDARY_ATTRIBUTE}
     authored = material.GetPropertiesInNamespace("inputs:fgf") + material.GetPropertiesInNamespace("fgf")
     for attribute in authored:
-        if attribute.GetName() not in known:
-            raise SceneError(f"{attribute.GetPath()} is unknown; accepted: {', '.join(sorted(known))}")
+        if (name := attribute.GetName()) not in known:
+            nearest = difflib.get_close_matches(name, known, n=1)
+            meant = f", maybe {nearest[0]} is meant" if nearest else ""
+            raise SceneError(f"{attribute.GetPath()} is unknown{meant}; accepted: {', '.join(sorted(known))}")
 
 
 def _with_attribute(path: str, message: str) -> str:
