@@ -116,7 +116,6 @@ class Camera:
         if self.has_lens:
             _check_range(self.name, "focus_distance", self.focus_distance, "> 0", lambda x: x > 0)
         _check_range(self.name, "exposure_scale", self.exposure_scale, "> 0", lambda x: x > 0)
-        _check_range(self.name, "pixel_aspect_ratio", self.pixel_aspect_ratio, "> 0", lambda x: x > 0)
         near, far = self.clipping_range
         if not 0 <= near < far:
             raise SceneError(f"{self.name}: clipping_range = ({near:g}, {far:g}); accepted: 0 <= near < far")

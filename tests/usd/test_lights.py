@@ -6,11 +6,13 @@ import math
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO
 import pytest
 from pxr import Usd, UsdLux
 
 from fgf_warp.errors import SceneError, UnsupportedFeatureError
 from fgf_warp.scene import AreaLight, CylinderLight, DistantLight, DomeLight, MeshLight, SphereLight
+from tests.usd.prims import HEADER
 from usd_scenes.reader import read_scene
 
 ASSETS = Path(__file__).parents[3] / "shared" / "usd_assets"
@@ -178,6 +180,89 @@ def test_what_is_ignored_is_named(read, kind: str, body: str, name: str) -> None
 def test_default_values_need_no_warning(read) -> None:
     light = light_prim("RectLight", "float inputs:diffuse = 1\nbool inputs:shadow:enable = 1")
     assert read(light + 'def Sphere "Ball"\n{\n}\n').warnings == ()
+
+
+# Images
+
+
+@pytest.fixture
+def sky(tmp_path: Path) -> Path:
+    """A small image of light, of linear float32."""
+    path = tmp_path / "sky.exr"
+    pixels = np.arange(8 * 4 * 3, dtype=np.float32).reshape(4, 8, 3)
+    image = OpenImageIO.ImageBuf(pixels)
+    assert image.write(str(path)), image.geterror()
+    return path
+
+
+def test_a_dome_has_its_image(read, sky: Path) -> None:
+    light = only_light(
+        read, light_prim("DomeLight", f"float inputs:intensity = 2\nasset inputs:texture:file = @{sky}@")
+    )
+    assert light.radiance == (2, 2, 2)
+    assert light.light_to_world == ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    np.testing.assert_array_equal(light.image.pixels[..., :3].reshape(-1), np.arange(8 * 4 * 3))
+    assert not light.image.is_srgb
+
+
+POLES = [
+    ("DomeLight", "", "Y", (0, 1, 0)),
+    ("DomeLight", "", "Z", (0, 1, 0)),
+    ("DomeLight_1", "", "Y", (0, 1, 0)),
+    ("DomeLight_1", "", "Z", (0, 0, 1)),
+    ("DomeLight_1", 'uniform token poleAxis = "Y"', "Z", (0, 1, 0)),
+    ("DomeLight_1", 'uniform token poleAxis = "Z"', "Y", (0, 0, 1)),
+]
+
+
+@pytest.mark.parametrize(("kind", "body", "up", "pole"), POLES)
+def test_the_pole_of_a_dome(read, sky: Path, kind: str, body: str, up: str, pole) -> None:
+    header = HEADER.replace('"Y"', f'"{up}"')
+    reading = read(light_prim(kind, f"asset inputs:texture:file = @{sky}@\n{body}"), light="", header=header)
+    turn = np.array(reading.scene.lights[0].light_to_world)
+    np.testing.assert_allclose(turn @ [0, 1, 0], pole, atol=1e-12)
+    # Turned about x: what is to the right stays there.
+    np.testing.assert_allclose(turn @ [1, 0, 0], [1, 0, 0], atol=1e-12)
+
+
+def test_a_dome_turns_with_its_transform_but_does_not_grow(read, sky: Path) -> None:
+    body = f"""asset inputs:texture:file = @{sky}@
+    float xformOp:rotateY = 90
+    float3 xformOp:scale = (7, 8, 9)
+    uniform token[] xformOpOrder = ["xformOp:rotateY", "xformOp:scale"]"""
+    turn = np.array(only_light(read, light_prim("DomeLight", body)).light_to_world)
+    np.testing.assert_allclose(turn @ [0, 0, 1], [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+
+
+def test_an_image_that_is_not_there_is_told_or_refused(read) -> None:
+    prim = light_prim("DomeLight", "float inputs:intensity = 2\nasset inputs:texture:file = @gone.exr@")
+    reading = read(prim, light="")
+    assert reading.scene.lights == (DomeLight(name="/Lamp", radiance=(2, 2, 2)),)
+    assert any("gone.exr" in text and text.endswith("/Lamp.inputs:texture:file") for text in reading.warnings)
+    with pytest.raises(SceneError, match=r"/Lamp.inputs:texture:file: .*gone.exr"):
+        read(prim, light="", strict=True)
+
+
+def test_other_layouts_of_a_dome_are_left_out(read, sky: Path) -> None:
+    body = f'asset inputs:texture:file = @{sky}@\ntoken inputs:texture:format = "angular"'
+    reading = read(light_prim("DomeLight", body), light="")
+    assert reading.scene.lights[0].image is None
+    assert any(text.startswith("an image of format angular is not supported") for text in reading.warnings)
+
+
+@pytest.mark.parametrize("sign", ["", "-"])
+def test_the_image_of_a_rect_is_upright_where_it_shines(read, sky: Path, sign: str) -> None:
+    """Seen from -z with +y up, +x is to the left: there the image begins."""
+    body = f"asset inputs:texture:file = @{sky}@\n" + TURNED.format(sign=sign)
+    light = only_light(read, light_prim("RectLight", body))
+    (s_axis, t_axis), (u, v) = np.array(light.image_axes), (np.array(light.half_u), np.array(light.half_v))
+    scale = np.array([float(f"{sign}2"), 3, 1])
+    local = rotation_xyz(*(math.radians(angle) for angle in (20, 50, -70))) * scale
+    right, up = local @ [-0.5, 0, 0], local @ [0, 0.5, 0]
+    for at, expected in ((right, (1, 0.5)), (-right, (0, 0.5)), (up, (0.5, 1)), (-up, (0.5, 0))):
+        place = [at @ u / (u @ u), at @ v / (v @ v), 1]
+        assert (s_axis @ place, t_axis @ place) == pytest.approx(expected, abs=1e-6)
 
 
 # Tubes and meshes

@@ -71,7 +71,10 @@ def test_values_out_of_range_are_refused(read, attribute: str, message: str) -> 
         ),
         ('uniform token fgf:boundary = "glass"', "/Look.fgf:boundary = glass; accepted: none, surface"),
         ('string inputs:fgf:hurst = "rough"', "/Look.inputs:fgf:hurst = rough; accepted: a finite number"),
-        ("float inputs:fgf:hurts = 1", "/Look.inputs:fgf:hurts is unknown, maybe inputs:fgf:hurst is meant; accepted: fgf:boundary"),
+        (
+            "float inputs:fgf:hurts = 1",
+            "/Look.inputs:fgf:hurts is unknown, maybe inputs:fgf:hurst is meant; accepted: fgf:boundary",
+        ),
         (
             'float inputs:fgf:hurst = -0.75\nuniform token fgf:transport = "reciprocal"',
             "/Look.fgf:transport: transport = 'reciprocal' with H = -0.75; accepted for H < -0.5: renewal only",
