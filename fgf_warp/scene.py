@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from fgf_warp.errors import SceneError
+from fgf_warp.errors import OpenMeshError, SceneError
 from fgf_warp.theory.law import LINE_VARIANCES, LineLaw, LineVariance, build_line_law
 from fgf_warp.theory.mixture import MIXTURE_ERROR, mix_exact_rates
 from fgf_warp.theory.phase import DRAINE_ALPHA_MAX
@@ -630,7 +630,7 @@ class Mesh:
         if self.medium is not None:
             open_edges = count_open_edges(self.points, self.triangles)
             if open_edges:
-                raise SceneError(
+                raise OpenMeshError(
                     f"{self.name}: a medium needs a closed mesh, and this one has {open_edges} open or "
                     "inconsistently oriented edges"
                 )
@@ -677,6 +677,8 @@ class MeshInstance:
 Shape = Solid | Mesh | MeshInstance
 
 
+MAX_CONTAINERS = 32
+"""Shapes filled with a medium: one bit each in a path's state."""
 MAX_LINKS = 32
 """Sets of shapes that lights may be linked to: a bit each in `Solid.light_links` and its like."""
 
@@ -1036,6 +1038,35 @@ def shape_bounds(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     matrices = [shape.object_to_world] + ([] if shape.closing is None else [shape.closing])
     points = np.concatenate([corners @ matrix[:3, :3].T + matrix[:3, 3] for matrix in matrices])
     return points.min(axis=0), points.max(axis=0)
+
+
+def encloses(shape: Shape, point: np.ndarray) -> bool:
+    """True where the point, (3,) float64 in world space, lies in the closed shape when the shutter opens."""
+    if isinstance(shape, Mesh):
+        return winding_number(shape.points, shape.triangles, point) > 0.5
+    local = np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3]
+    if isinstance(shape, MeshInstance):
+        return encloses(shape.mesh, local)
+    x, y, z = local
+    if shape.kind == "sphere":
+        return bool(x * x + y * y + z * z < 1)
+    if shape.kind == "cube":
+        return bool(max(abs(x), abs(y), abs(z)) < 1)
+    return bool(x * x + y * y < 1 and abs(z) < 1)
+
+
+def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:
+    """How often a closed mesh winds around a point: 1 inside, 0 outside (van Oosterom and Strackee 1983)."""
+    a, b, c = (np.asarray(points, dtype=np.float64)[triangles[:, corner]] - point for corner in range(3))
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    denominator = (
+        la * lb * lc
+        + np.einsum("ij,ij->i", a, b) * lc
+        + np.einsum("ij,ij->i", b, c) * la
+        + np.einsum("ij,ij->i", c, a) * lb
+    )
+    return float(np.arctan2(volume, denominator).sum() / (2 * math.pi))
 
 
 def count_open_edges(points: np.ndarray, triangles: np.ndarray) -> int:

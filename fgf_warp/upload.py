@@ -17,6 +17,7 @@ from fgf_warp.device import camera as camera_device
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import LAW_KINDS, LIGHT_KINDS, SOLID_KINDS, Limits, SceneData
 from fgf_warp.scene import (
+    MAX_CONTAINERS,
     AreaLight,
     Camera,
     DistantLight,
@@ -31,6 +32,7 @@ from fgf_warp.scene import (
     Solid,
     SphereLight,
     Surface,
+    encloses,
     shape_bounds,
     unit_axes,
 )
@@ -38,9 +40,6 @@ from fgf_warp.settings import RenderSettings
 from fgf_warp.theory import fbm, kernels
 from fgf_warp.theory.law import LineLaw
 from fgf_warp.theory.mixture import RateMixture, mix_exact_rates, mix_rates
-
-MAX_CONTAINERS = 32
-"""Shapes filled with a medium: one bit each in a path's state."""
 
 EXTINCTION_FLOOR = 1e-30
 """Stands for a vanishing extinction, whose free flights are beyond every scene."""
@@ -131,32 +130,6 @@ def _bare(shape: Shape) -> Shape:
 def containers_around(point: np.ndarray, containers: Sequence[Shape]) -> int:
     """Bits of the containers that a point, (3,) float64, lies in."""
     return sum(1 << bit for bit, shape in enumerate(containers) if encloses(shape, point))
-
-
-def encloses(shape: Shape, point: np.ndarray) -> bool:
-    """True where the point, (3,) float64, lies in the closed shape."""
-    if isinstance(shape, Mesh):
-        return winding_number(shape.points, shape.triangles, point) > 0.5
-    x, y, z = np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3]
-    if shape.kind == "sphere":
-        return bool(x * x + y * y + z * z < 1)
-    if shape.kind == "cube":
-        return bool(max(abs(x), abs(y), abs(z)) < 1)
-    return bool(x * x + y * y < 1 and abs(z) < 1)
-
-
-def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:
-    """How often a closed mesh winds around a point: 1 inside, 0 outside (van Oosterom and Strackee 1983)."""
-    a, b, c = (np.asarray(points, dtype=np.float64)[triangles[:, corner]] - point for corner in range(3))
-    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-    denominator = (
-        la * lb * lc
-        + np.einsum("ij,ij->i", a, b) * lc
-        + np.einsum("ij,ij->i", b, c) * la
-        + np.einsum("ij,ij->i", c, a) * lb
-    )
-    return float(np.arctan2(volume, denominator).sum() / (2 * math.pi))
 
 
 fit_flight = cache(kernels.fit_flight)

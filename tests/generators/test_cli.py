@@ -569,8 +569,26 @@ def test_validate_tells_what_is_there(config_path, stage):
     of_config = fgf("validate", config_path).stdout
     assert "6 samples, sweeping H, g, S_w" in of_config
     assert "/medium: H = -0.5" in of_config
-    assert_refused(fgf("validate", stage.parent / "no.usda"), "there is no such stage")
+    assert_refused(fgf("validate", stage.parent / "no.usda"), "no such file")
     assert_refused(fgf("validate", stage.parent / "no.yaml"), "cannot be read")
+
+
+def test_validate_tells_all_that_is_wrong(tmp_path):
+    path = tmp_path / "scene.usda"
+    path.write_text(
+        '#usda 1.0\n(\n    defaultPrim = "A"\n    upAxis = "Y"\n)\n'
+        + "".join(f'def Sphere "{name}"\n{{\n    double radius = 0\n}}\n' for name in "AB")
+    )
+    outcome = fgf("validate", path)
+    assert outcome.exit_code == 2
+    *findings, summary, verdict = outcome.stdout.splitlines()
+    assert [line.split(": ")[:2] for line in findings] == [
+        ["error", "/"],
+        ["error", "/A.radius"],
+        ["error", "/B.radius"],
+    ]
+    assert summary == f"{path}: 3 errors, 0 warnings"
+    assert verdict == "not accepted by the renderer"
 
 
 @pytest.mark.parametrize("command", ["render", "generate", "plan", "validate", "law"])

@@ -5,10 +5,12 @@ from usd_scenes.reader.stage import (
     COMPLEXITIES,
     Frame,
     StageReading,
+    StageSurvey,
     read_products,
     read_scene,
     read_stage,
     stages_kept_open,
+    survey_stage,
 )
 
 __all__ = [
@@ -16,8 +18,10 @@ __all__ = [
     "Frame",
     "Product",
     "StageReading",
+    "StageSurvey",
     "read_products",
     "read_scene",
     "read_stage",
     "stages_kept_open",
+    "survey_stage",
 ]
