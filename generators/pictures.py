@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 PLACEHOLDER = re.compile(r"#+(?:\.#+)?")
 """Of a frame's number in the name of a file: ``####``, or ``###.##`` with two decimals."""
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
+NUMBER = r"[-+]?\d{1,15}(?:\.\d{0,15})?"
 FRAME_SPEC = re.compile(rf"({NUMBER})(?::({NUMBER})(?:x({NUMBER}))?)?")
 """The first time code, the last, and the stride."""
 FRAMES_MAX = 100_000
