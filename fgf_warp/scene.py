@@ -635,6 +635,14 @@ class Mesh:
                     "inconsistently oriented edges"
                 )
 
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner, (3,) each, of a box that holds the triangles."""
+        is_used = np.zeros(len(self.points), dtype=bool)
+        is_used[self.triangles] = True
+        points = self.points[is_used]
+        return points.min(axis=0), points.max(axis=0)
+
 
 @dataclass(frozen=True, eq=False)
 class MeshInstance:
@@ -1028,10 +1036,9 @@ def shape_widths(shape: Shape) -> tuple[float, float]:
 def shape_bounds(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest corner, (3,) each, of a box that holds the shape; not tight for a turned round solid."""
     if isinstance(shape, Mesh):
-        points = shape.points[np.unique(shape.triangles)]
-        return points.min(axis=0), points.max(axis=0)
+        return shape.bounds
     if isinstance(shape, MeshInstance):
-        low, high = shape_bounds(shape.mesh)
+        low, high = shape.mesh.bounds
         corners = (low + high) / 2 + CUBE_CORNERS * (high - low) / 2
     else:
         corners = CUBE_CORNERS

@@ -18,7 +18,6 @@ from fgf_warp.scene import (
     DomeLight,
     Image,
     Light,
-    MeshInstance,
     MeshLight,
     Rgb,
     Shaping,
@@ -27,8 +26,7 @@ from fgf_warp.scene import (
 )
 from usd_scenes.reader.attributes import is_authored, read_color, read_number, read_token
 from usd_scenes.reader.context import StageContext
-from usd_scenes.reader.materials import Look
-from usd_scenes.reader.mesh import read_mesh
+from usd_scenes.reader.mesh import read_corners
 from usd_scenes.reader.textures import read_image
 
 DEFAULT_DOME = DomeLight(name="default dome", radiance=(1.0, 1.0, 1.0))
@@ -199,17 +197,14 @@ def read_mesh_light(prim: Usd.Prim, context: StageContext) -> MeshLight | None:
     if geometry is None:
         context.notes.add("a GeometryLight gives light where its geometry is one Mesh, and is left out", prim.GetPath())
         return None
-    shape = read_mesh(geometry, context, Look(surface=None, medium=None))
-    if shape is None:
+    corners = read_corners(geometry, context)
+    if not len(corners):
+        context.notes.add("mesh without faces gives no light", geometry.GetPath())
         return None
     _note_material(geometry, prim, context)
-    mesh = shape.mesh if isinstance(shape, MeshInstance) else shape
-    to_world = shape.object_to_world if isinstance(shape, MeshInstance) else np.eye(4)
-    triangles = mesh.triangles if np.linalg.det(to_world[:3, :3]) > 0 else mesh.triangles[:, ::-1]
-    points = mesh.points @ to_world[:3, :3].T + to_world[:3, 3]
     return MeshLight(
         name=str(prim.GetPath()),
-        corners=points[triangles].astype(np.float64),
+        corners=corners,
         radiance=_emission(prim, context.time),
         shaping=_read_shaping(prim, context, whole_angle=180.0),
     )
