@@ -481,6 +481,63 @@ def test_instances_are_linked_by_their_own_paths(read) -> None:
     assert {shape.name: shape.light_links for shape in shapes} == {"/One/Ball": 0, "/Two/Ball": 1}
 
 
+INSTANCER = """def PointInstancer "Cloud"
+{{
+    rel prototypes = [{prototype}]
+    int[] protoIndices = [0, 0]
+    point3f[] positions = [(0, 0, 0), (5, 0, 0)]
+    def Sphere "Near"
+    {{
+    }}
+}}
+over "Library"
+{{
+    def Sphere "Far"
+    {{
+    }}
+}}
+"""
+
+
+@pytest.mark.parametrize("prototype", ["</Cloud/Near>", "</Library/Far>"])
+def test_instancers_are_linked_with_all_their_copies(read, prototype: str) -> None:
+    prims = INSTANCER.format(prototype=prototype) + BALLS
+    shapes = read(prims + link("lightLink", "</Cloud>")).scene.shapes
+    assert [shape.light_links for shape in shapes] == [1, 1, 0, 0, 0]
+
+
+PARTS = """def Mesh "Two"
+{{
+    int[] faceVertexCounts = [3, 3]
+    int[] faceVertexIndices = [0, 1, 2, 0, 2, 3]
+    point3f[] points = [(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0)]
+    uniform token subdivisionScheme = "none"
+    def GeomSubset "Part" (
+        prepend apiSchemas = ["MaterialBindingAPI"]
+    )
+    {{
+        uniform token elementType = "face"
+        uniform token familyName = "{family}"
+        int[] indices = [1]
+        {binding}
+    }}
+}}
+def Material "M"
+{{
+}}
+"""
+
+
+def test_parts_of_a_mesh_are_linked_where_they_are_shapes(read) -> None:
+    lamp = link("lightLink", "</Two/Part>")
+    bound = read(PARTS.format(family="materialBind", binding="rel material:binding = </M>") + lamp)
+    assert {shape.name: shape.light_links for shape in bound.scene.shapes} == {"/Two": 0, "/Two/Part": 1}
+    plain = read(PARTS.format(family="other", binding="") + lamp)
+    text = "a light cannot be linked to a part of a mesh that has no material of its own: /Two/Part"
+    assert text in plain.warnings
+    assert text not in bound.warnings
+
+
 @pytest.mark.skipif(
     not LINKING.is_file(), reason="the third-party stages of ../shared/usd_assets are not on this machine"
 )

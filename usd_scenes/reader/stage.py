@@ -260,9 +260,10 @@ def _read_prims(context: StageContext, materials: MaterialReader) -> tuple[list[
             emits = prim.GetPath() in emitting or (is_light(prim) and prim.IsA(UsdGeom.Mesh))
             if met.has_purpose and not emits and not shapes.read(met) and _is_unsupported(prim):
                 context.notes.add(f"{prim.GetTypeName()} is not supported and is left out", prim.GetPath())
-    linked_lights, linked_shapes = [light for _, light in lights], shapes.shapes()
+    placed = shapes.shapes()
+    linked_lights, linked_shapes = [light for _, light in lights], [shape for _, shape in placed]
     with context.going_on():
-        linked_lights, linked_shapes = link_lights(lights, linked_shapes, context)
+        linked_lights, linked_shapes = link_lights(lights, placed, context)
     return linked_shapes, linked_lights
 
 
