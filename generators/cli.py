@@ -510,7 +510,7 @@ def _choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | 
         return ["default" if default_time else None]
     if default_time:
         raise ConfigError("--defaultTime and --frames exclude each other; accepted: one of them")
-    from usd_scenes.reader import parse_frames  # noqa: PLC0415
+    from generators.pictures import parse_frames  # noqa: PLC0415
 
     return parse_frames(spec)
 

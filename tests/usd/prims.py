@@ -7,6 +7,9 @@ CAMERA = """def Camera "Camera"
     uniform token[] xformOpOrder = ["xformOp:translate"]
 }
 """
+TWO_CAMERAS = (
+    'def Camera "A"\n{\n}\ndef Xform "X"\n{\n def Camera "B"\n {\n }\n}\ndef Xform "Y"\n{\n def Camera "B"\n {\n }\n}\n'
+)
 DOME = 'def DomeLight "Dome"\n{\n}\n'
 
 

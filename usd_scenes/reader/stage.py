@@ -190,6 +190,8 @@ def survey_stage(stage: Usd.Stage) -> StageSurvey:
     with context.going_on():
         prim = choose_camera(context, None, settings.product(None).camera)
         camera = read_camera(prim, context) if prim else default_camera(shapes, context.up_axis)
+        if prim:
+            read_shutter(prim, context)
         Scene(camera=camera, shapes=tuple(shapes), media=materials.media)
     return StageSurvey(tuple(shapes), materials.media, tuple(lights) or (DEFAULT_DOME,), camera, tuple(refusals))
 
@@ -212,9 +214,10 @@ def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticT
     settings = read_settings(context, choices.render_settings)
     product = settings.product(choices.product)
     camera_prim = choose_camera(context, choices.camera, product.camera)
+    purposes = next(asked for asked in (choices.purposes, settings.purposes, DEFAULT_PURPOSES) if asked is not None)
     context = replace(
         context,
-        purposes=_checked(choices.purposes or settings.purposes or DEFAULT_PURPOSES),
+        purposes=_checked(purposes),
         shutter=read_shutter(camera_prim, context) if camera_prim and product.has_motion_blur else None,
     )
     materials = MaterialReader(context)
@@ -250,14 +253,17 @@ def _read_prims(context: StageContext, materials: MaterialReader) -> tuple[list[
             _note_misplaced(prim, context)
             if is_light(prim):
                 if met.copies:
-                    context.notes.add("light of an instancer gives no light", prim.GetPath())
+                    context.notes.add("a light that is part of an instancer gives no light", prim.GetPath())
                 elif met.has_purpose or not prim.IsA(UsdGeom.Gprim):
                     light = read_light(prim, context)
                     lights.extend([(prim, light)] if light else [])
             emits = prim.GetPath() in emitting or (is_light(prim) and prim.IsA(UsdGeom.Mesh))
             if met.has_purpose and not emits and not shapes.read(met) and _is_unsupported(prim):
                 context.notes.add(f"{prim.GetTypeName()} is not supported and is left out", prim.GetPath())
-    linked_lights, linked_shapes = link_lights(lights, shapes.shapes(), context)
+    placed = shapes.shapes()
+    linked_lights, linked_shapes = [light for _, light in lights], [shape for _, shape in placed]
+    with context.going_on():
+        linked_lights, linked_shapes = link_lights(lights, placed, context)
     return linked_shapes, linked_lights
 
 
