@@ -97,6 +97,8 @@ class Solid:
     """-1: a bare boundary."""
     container: int
     """Bit of the medium that fills it, or -1."""
+    is_open: int
+    """1: light may enter the medium through its surface, which is then a boundary too."""
     shadow_links: wp.uint32
     """Bits of the lights in whose light it casts a shadow."""
     motion: int
@@ -257,8 +259,24 @@ def meet_solid_surface(
     solid: Solid, span: wp.vec2, origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
 ) -> Hit:
     """`nearest`, or the surface before it."""
-    hit = nearest
+    return meet_surface_at(solid, surface_distance(span, start.passed), origin, direction, nearest)
+
+
+@wp.func(inline=True)
+def meet_open_surface(
+    solid: Solid, span: wp.vec2, origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
+) -> Hit:
+    """The same among surfaces that light may enter media through, which are met as boundaries are."""
     t = surface_distance(span, start.passed)
+    if solid.is_open == 1:
+        t = boundary_distance(span, start.t_min, is_inside(start.inside, solid.container))
+    return meet_surface_at(solid, t, origin, direction, nearest)
+
+
+@wp.func(inline=True)
+def meet_surface_at(solid: Solid, t: float, origin: wp.vec3, direction: wp.vec3, nearest: Hit) -> Hit:
+    """`nearest`, or the surface at distance t."""
+    hit = nearest
     is_nearer = t < nearest.t
     p = solid.to_object * (origin + direction * wp.where(is_nearer, t, 0.0)) + solid.to_object_offset
     normal = unit(wp.transpose(solid.to_object) * solid_normal(solid.kind, p))
@@ -284,6 +302,7 @@ def build_intersect_solids(features: Any) -> Any:
     It has the arguments (solids, motions, origin, direction, start, nearest), and gives `nearest`, or the solid before
     it.
     """
+    meet_surface = meet_open_surface if features.passes else meet_solid_surface
 
     @wp.func
     def intersect_solids(
@@ -303,9 +322,9 @@ def build_intersect_solids(features: Any) -> Any:
             if solid.surface >= 0:
                 if wp.static(features.links):
                     if casts_shadow(solid.shadow_links, start.casters):
-                        hit = meet_solid_surface(solid, span, origin, direction, start, hit)
+                        hit = meet_surface(solid, span, origin, direction, start, hit)
                 else:
-                    hit = meet_solid_surface(solid, span, origin, direction, start, hit)
+                    hit = meet_surface(solid, span, origin, direction, start, hit)
             else:
                 hit = meet_solid_boundary(solid, span, start, hit)
         return hit

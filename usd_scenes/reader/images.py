@@ -90,7 +90,7 @@ def _decoded(file: str, name: str, color_space: ColorSpace) -> ImageFile:
     rgba = _rgba(pixels, 255 if is_8_bit else 1, spec.alpha_channel)
     if not is_8_bit and is_encoded:
         rgba[..., :3] = _decode_srgb(rgba[..., :3])
-    if not np.isfinite(rgba).all():
+    if not is_8_bit and not np.isfinite(rgba).all():
         raise SceneError("it holds pixels that are not finite")
     return ImageFile(Image(name, rgba, is_srgb=is_8_bit and is_encoded), is_encoded, _wraps(spec))
 
