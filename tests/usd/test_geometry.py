@@ -169,7 +169,7 @@ def test_holes_are_left_out(read) -> None:
         ("[3, 3, 3, 3]", "[3, 3, 3]", r"/Shape.faceVertexCounts adds up to 9; accepted: .*12"),
         ("1, 2, 3]", "1, 2, 4]", r"/Shape.faceVertexIndices spans \[0, 4\]; accepted: \[0, 3\]"),
         ("1, 2, 3]", "1, 2, -1]", r"/Shape.faceVertexIndices spans \[-1, 3\]; accepted: \[0, 3\]"),
-        ("(0, 0, 1)]", "(0, 0, nan)]", "/Shape: points must be a finite"),
+        ("(0, 0, 1)]", "(0, 0, nan)]", "/Shape.points holds numbers that are not finite"),
     ],
 )
 def test_a_broken_mesh_is_refused(read, old: str, new: str, message: str) -> None:

@@ -202,7 +202,6 @@ def stage_context(stage: Usd.Stage, refusals: list[FgfError] | None = None) -> S
 
 
 def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticTrap) -> StageReading:
-    refuse_composition_errors(stage)
     context = StageContext(
         stage=stage,
         time=_time_code(stage, choices.frame),
@@ -210,6 +209,7 @@ def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticT
         refinement=_refinement(choices.complexity),
         strict=choices.strict,
     )
+    refuse_composition_errors(context)
     _note_up_axis(context)
     settings = read_settings(context, choices.render_settings)
     product = settings.product(choices.product)

@@ -18,6 +18,12 @@ SEVERITIES: dict[object, Severity] = {
     UsdValidation.ValidationErrorType.Info: "info",
 }
 ORDER: tuple[Severity, ...] = ("error", "warning", "info")
+OF_THE_INSTALLATION = (
+    "usdShadeValidators:ShaderSdrCompliance.MissingShaderIdInRegistry",
+    "usdShadeValidators:ShaderSdrCompliance.MissingSourceTypeInRegistry",
+)
+"""What USD calls errors of the stage, though it only says that no shader of MaterialX or of another renderer is
+installed with it."""
 OURS = "usd_scenes.validation:"
 REFUSED = "Refused"
 UNKNOWN_SHADER = "MissingShaderIdInRegistry"
@@ -112,8 +118,9 @@ def _made(
 
 def _finding(found: UsdValidation.ValidationError) -> Finding:
     path = next((_site_path(site) for site in found.GetSites()), "/")
+    severity = SEVERITIES.get(found.GetType(), "error")
     return Finding(
-        severity=SEVERITIES.get(found.GetType(), "error"),
+        severity="warning" if found.GetIdentifier() in OF_THE_INSTALLATION else severity,
         validator=found.GetIdentifier(),
         path=path,
         text=" ".join(found.GetMessage().split()),
