@@ -639,7 +639,9 @@ class Mesh:
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest corner, (3,) each, of the box around its triangles."""
-        points = self.points[np.unique(self.triangles)]
+        is_used = np.zeros(len(self.points), dtype=bool)
+        is_used[self.triangles] = True
+        points = self.points[is_used]
         return points.min(axis=0), points.max(axis=0)
 
 
