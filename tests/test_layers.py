@@ -31,7 +31,7 @@ ALLOWED = {
         "fgf_warp.theory",
         "fgf_warp.upload_meshes",
     ),
-    "fgf_warp.upload_meshes": ("fgf_warp.bvh", "fgf_warp.device", "fgf_warp.scene"),
+    "fgf_warp.upload_meshes": ("fgf_warp.bvh", "fgf_warp.device", "fgf_warp.integrator", "fgf_warp.scene"),
     "fgf_warp.probes": ("fgf_warp.device", "fgf_warp.theory", "fgf_warp.upload"),
     "fgf_warp.renderer": (
         "fgf_warp",
