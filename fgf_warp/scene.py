@@ -685,7 +685,7 @@ class MeshInstance:
 
 Shape = Solid | Mesh | MeshInstance
 
-MANY_SOLIDS = 64
+MANY_SOLIDS = 100
 """More surfaces of solids than that are looked up in a tree, and are not tried one after the other."""
 
 
