@@ -12,32 +12,32 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.device import camera as camera_device
-from fgf_warp.device import law, lights, medium, numerics, phase, surfaces, tables
+from fgf_warp.device import law, medium, numerics, phase, prims, surfaces, tables
 from fgf_warp.errors import UnsupportedFeatureError
-from fgf_warp.integrator import LAW_KINDS, LIGHT_KINDS, Limits, SceneData
+from fgf_warp.integrator import LAW_KINDS, Limits, SceneData
 from fgf_warp.scene import (
     MAX_CONTAINERS,
-    AreaLight,
     Camera,
-    DistantLight,
     DomeLight,
     Medium,
     MeshInstance,
     Scene,
     Shape,
     Solid,
-    SphereLight,
-    Surface,
+    drift,
     encloses,
+    moves,
     shape_bounds,
     solids_in_tree,
     unit_axes,
 )
-from fgf_warp.settings import RenderSettings
+from fgf_warp.settings import PRIM_AOVS, Aov, RenderSettings
 from fgf_warp.theory import fbm, kernels
 from fgf_warp.theory.law import LineLaw
 from fgf_warp.theory.mixture import RateMixture, mix_exact_rates, mix_rates
-from fgf_warp.upload_meshes import build_device_meshes, upload_solids
+from fgf_warp.upload_lights import build_device_lights, connected_lights
+from fgf_warp.upload_meshes import build_device_meshes, is_open, upload_solids
+from fgf_warp.upload_shading import build_device_shading, indices_of_refraction
 
 EXTINCTION_FLOOR = 1e-30
 """Stands for a vanishing extinction, whose free flights are beyond every scene."""
@@ -57,7 +57,12 @@ class UploadedScene:
 
 
 def upload(
-    scene: Scene, settings: RenderSettings, media_of_images: Sequence[Sequence[Medium]], seeds: Sequence[int]
+    scene: Scene,
+    settings: RenderSettings,
+    media_of_images: Sequence[Sequence[Medium]],
+    seeds: Sequence[int],
+    *,
+    shading: bool = False,
 ) -> UploadedScene:
     """Copies a scene to `settings.device`.
 
@@ -66,6 +71,7 @@ def upload(
         settings: how they are rendered.
         media_of_images: for each image what takes the place of the scene's media.
         seeds: of each image.
+        shading: whether surfaces are more than matte.
 
     Raises:
         UnsupportedFeatureError: for more than 32 shapes filled with media.
@@ -80,28 +86,35 @@ def upload(
         )
     hanging = set(solids_in_tree(shapes))
     solids = [shape for shape in shapes if isinstance(shape, Solid) and shape not in hanging]
-    lights_met = [light for light in scene.lights if not isinstance(light, DomeLight)]
     rows = LawTables()
     media = [_medium(item, index, scene, rows) for own in media_of_images for index, item in enumerate(own)]
 
     data = SceneData()
     data.camera = _camera(scene.camera, settings.width, settings.height)
-    data.environment = wp.vec3(*_dome_radiance(scene))
+    data.environment = wp.vec3(*_environment(scene))
     data.solids = upload_solids(solids, shapes, device)
     filled = [k for k, solid in enumerate(solids) if solid.medium is not None]
     data.lone_solid = filled[0] if filled else -1
-    data.meshes = build_device_meshes(shapes, lights_met, device)
+    data.meshes = build_device_meshes(shapes, connected_lights(scene), device)
     data.motions = data.meshes.motions
     data.surfaces = wp.array(
-        [_surface(s.surface) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
+        [_surface(s) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
     )
+    if shading:
+        data.shading = build_device_shading(shapes, containers, device)
     data.media = wp.array(media, dtype=medium.Medium, device=device)
     data.media_count = len(scene.media)
     data.tables = rows.upload(device)
-    data.containers = wp.array([_container(s, scene) for s in containers], dtype=medium.Container, device=device)
-    data.lights = wp.array([build_device_light(light) for light in lights_met], dtype=lights.Light, device=device)
+    iors = indices_of_refraction(containers)
+    data.containers = wp.array([_container(s, scene, iors) for s in containers], dtype=medium.Container, device=device)
+    if settings.aovs & {*PRIM_AOVS, Aov.MOTION}:
+        data.surface_prims = _prims([shape for shape in shapes if shape.surface is not None], scene, device)
+        data.container_prims = _prims(containers, scene, device)
+    data.lights, data.light_tables = build_device_lights(scene, containers, device)
     low, high = scene.camera.start_bounds(settings.width, settings.height)
-    data.camera_inside = wp.uint32(containers_around((low + high) / 2, containers))
+    inside = containers_around((low + high) / 2, containers)
+    data.camera_inside = wp.uint32(inside)
+    data.camera_ior = _ior_around(inside, containers, scene)
     if scene.shapes_around_starts(settings.width, settings.height):
         lows, highs = zip(*(shape_bounds(shape) for shape in containers), strict=True)
         low, high = np.min(lows, axis=0), np.max(highs, axis=0)
@@ -117,6 +130,8 @@ def upload(
 
 def _bare(shape: Shape) -> Shape:
     """The shape as a mere boundary."""
+    if shape.surface is None:
+        return shape
     if isinstance(shape, MeshInstance):
         return replace(shape, mesh=replace(shape.mesh, surface=None))
     return replace(shape, surface=None)
@@ -233,18 +248,46 @@ def _mixture(line: LineLaw, longest_depth: float) -> RateMixture:
     return mix_rates(line.b, line.kappa)
 
 
-def _container(shape: Shape, scene: Scene) -> Any:
+def _container(shape: Shape, scene: Scene, iors: Sequence[float]) -> Any:
     assert shape.medium is not None
     result = medium.Container()
     result.medium = shape.medium
     result.priority = scene.media[shape.medium].priority
+    result.light_links = shape.light_links
+    if is_open(shape) and shape.surface is not None:
+        result.ior, result.ior_number = shape.surface.ior, iors.index(shape.surface.ior)
     return result
 
 
-def _surface(surface: Surface) -> Any:
+def _ior_around(inside: int, containers: Sequence[Shape], scene: Scene) -> float:
+    """Index of refraction within these containers, as `device.medium.ior_at` has it."""
+    around = [s for bit, s in enumerate(containers) if inside >> bit & 1 and is_open(s)]
+    nearest = max(around, key=lambda s: scene.media[s.medium or 0].priority, default=None)
+    return 1.0 if nearest is None or nearest.surface is None else nearest.surface.ior
+
+
+def _prims(shapes: Sequence[Shape], scene: Scene, device: str) -> wp.array:
+    numbers = {name: number for number, name in enumerate(scene.prims, start=1)}
+    prim: Any = prims.Prim
+    rows: Any = np.zeros(len(shapes), dtype=prim.numpy_dtype())
+    rows["number"] = [numbers[shape.name] for shape in shapes]
+    rows["instance"] = [shape.instance for shape in shapes]
+    for row, shape in zip(rows, shapes, strict=True):
+        if moves(shape):
+            moved = drift(shape)
+            row["drift"], row["drift_offset"] = moved[:3, :3], moved[:3, 3]
+    return wp.array(rows, dtype=prim, device=device)
+
+
+def _surface(shape: Shape) -> Any:
+    surface = shape.surface
+    assert surface is not None
     result = surfaces.Surface()
-    result.diffuse = wp.vec3(*surface.diffuse)
-    result.emission = wp.vec3(*surface.emission)
+    result.light_links = shape.light_links
+    # What varies is read where surfaces are shaded.
+    if surface.is_matte and isinstance(surface.diffuse, tuple) and isinstance(surface.emission, tuple):
+        result.diffuse = wp.vec3(*surface.diffuse)
+        result.emission = wp.vec3(*surface.emission)
     return result
 
 
@@ -271,31 +314,7 @@ def _camera_axes(matrix: np.ndarray) -> tuple[wp.vec3, wp.vec3, wp.vec3]:
     return wp.vec3(*axes[:, 0]), wp.vec3(*axes[:, 1]), wp.vec3(*-axes[:, 2])
 
 
-def _dome_radiance(scene: Scene) -> np.ndarray:
-    domes = [light.radiance for light in scene.lights if isinstance(light, DomeLight)]
+def _environment(scene: Scene) -> np.ndarray:
+    """Radiance of all domes that are the same everywhere."""
+    domes = [light.radiance for light in scene.lights if isinstance(light, DomeLight) and light.is_plain]
     return np.sum(domes, axis=0) if domes else np.zeros(3)
-
-
-def build_device_light(light: DistantLight | AreaLight | SphereLight) -> Any:
-    """The device's view of a light that paths connect to."""
-    result = lights.Light()
-    result.radiance = wp.vec3(*light.radiance)
-    if isinstance(light, DistantLight):
-        result.kind = lights.DISTANT
-        result.center = -wp.vec3(*light.direction)
-        result.cone = 2 * math.sin(light.half_angle / 2) ** 2
-        return result
-    result.center = wp.vec3(*light.center)
-    if isinstance(light, SphereLight):
-        result.kind = lights.SPHERE_LIGHT
-        result.radius = light.radius
-        return result
-    halves = np.array([light.half_u, light.half_v])
-    normal = np.cross(*halves)
-    duals = np.linalg.pinv(halves).T
-    result.kind = LIGHT_KINDS[light.shape]
-    result.half_u, result.half_v = wp.vec3(*halves[0]), wp.vec3(*halves[1])
-    result.dual_u, result.dual_v = wp.vec3(*duals[0]), wp.vec3(*duals[1])
-    result.normal = wp.vec3(*(normal / np.linalg.norm(normal)))
-    result.area = light.area
-    return result

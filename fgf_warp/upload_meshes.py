@@ -51,6 +51,7 @@ def build_device_meshes(shapes: Sequence[Shape], lights: Sequence[Light], device
         device,
         surface=[surface_of.get(owner, -1) for owner in owners],
         container=[container_of.get(owner, -1) for owner in owners],
+        is_open=[not isinstance(owner, MeshLight) and is_open(owner) for owner in owners],
         light=[index_of_light.get(owner, -1) for owner in owners],
         shadow_links=[0 if isinstance(owner, MeshLight) else owner.shadow_links for owner in owners],
     )
@@ -77,6 +78,11 @@ def build_device_meshes(shapes: Sequence[Shape], lights: Sequence[Light], device
         closing_position=closing[:, :3, 3],
     )
     return result
+
+
+def is_open(shape: Shape) -> bool:
+    """True where light may enter a medium through the shape's surface."""
+    return shape.medium is not None and shape.surface is not None and shape.surface.may_be_transparent
 
 
 def number_surfaces(shapes: Sequence[Shape]) -> dict[Any, int]:
@@ -114,6 +120,7 @@ def upload_solids(solids: Sequence[Solid], shapes: Sequence[Shape], device: str)
         to_object=to_object[:, :3, :3],
         to_object_offset=to_object[:, :3, 3],
         surface=[surface_of.get(solid, -1) for solid in solids],
+        is_open=[is_open(solid) for solid in solids],
         container=[container_of.get(solid, -1) for solid in solids],
         shadow_links=[solid.shadow_links for solid in solids],
         motion=[motion_of.get(solid, -1) for solid in solids],

@@ -17,7 +17,7 @@ import typer
 from typer.core import TyperGroup
 
 from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError, OutputError
-from fgf_warp.settings import PRESETS, Aov, RenderSettings, Sampler
+from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -166,7 +166,8 @@ def render(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help=f"Only these planes, repeatable: {', '.join(Aov)}; default: as the stage's RenderVars say, or all.",
+            help=f"Only these planes, repeatable: {', '.join(Aov)}; default: as the stage's RenderVars say, or those "
+            "up to prim_id.",
         ),
     ] = None,
     explain: Annotated[
@@ -211,7 +212,7 @@ def render(
             seed=seed,
             max_depth=PRESETS[preset].max_depth,
             roulette_depth=PRESETS[preset].roulette_depth,
-            aovs=next(planes for planes in (aovs, base.aovs, frozenset(Aov)) if planes is not None),
+            aovs=next(planes for planes in (aovs, base.aovs, USUAL_AOVS) if planes is not None),
             sampler=Sampler(sampler),
             device=device,
             memory=memory,
@@ -509,7 +510,7 @@ def _choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | 
         return ["default" if default_time else None]
     if default_time:
         raise ConfigError("--defaultTime and --frames exclude each other; accepted: one of them")
-    from usd_scenes.reader import parse_frames  # noqa: PLC0415
+    from generators.pictures import parse_frames  # noqa: PLC0415
 
     return parse_frames(spec)
 

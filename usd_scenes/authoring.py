@@ -132,7 +132,7 @@ def author_interchange(material: Usd.Prim | UsdShade.Material) -> None:
 
 
 def _author_fgf_terminal(material: UsdShade.Material) -> None:
-    shader = _define_shader(material, "FgfMedium", "FgfMedium")
+    shader = _define_shader(material, schema.SHADER_NAME, schema.SHADER_NAME)
     for attribute in material.GetPrim().GetAuthoredPropertiesInNamespace("inputs:fgf"):
         name = attribute.GetName().removeprefix("inputs:fgf:")
         shader.CreateInput(name, attribute.GetTypeName()).ConnectToSource(UsdShade.Input(attribute))

@@ -69,6 +69,8 @@ class Mesh:
     """-1: a bare boundary, or a light."""
     container: int
     """Bit of the medium that fills it, or -1."""
+    is_open: int
+    """1: light may enter the medium through its surface, which is then a boundary too."""
     light: int
     """Its index, or -1."""
     shadow_links: wp.uint32
@@ -338,12 +340,16 @@ def build_intersect_meshes(features: Any) -> Any:
         """A surface is met from both sides, a boundary from the side that the path is on."""
         if wp.static(has_light_triangles):
             if mesh.light >= 0:
-                return t > 0.0
+                return t > 0.0 and start.casters == wp.uint32(0)
         if mesh.surface >= 0:
             if wp.static(features.links):
                 if not casts_shadow(mesh.shadow_links, start.casters):
                     return False
-            return t > start.passed
+            if wp.static(features.passes):
+                if mesh.is_open == 0:
+                    return t > start.passed
+            else:
+                return t > start.passed
         if is_inside(start.inside, mesh.container) == is_front:
             return False
         # Behind there may be a face that the ray should have crossed; not one of the mesh that it has just crossed.

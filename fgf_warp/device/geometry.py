@@ -97,6 +97,8 @@ class Solid:
     """-1: a bare boundary."""
     container: int
     """Bit of the medium that fills it, or -1."""
+    is_open: int
+    """1: light may enter the medium through its surface, which is then a boundary too."""
     shadow_links: wp.uint32
     """Bits of the lights in whose light it casts a shadow."""
     motion: int
@@ -257,8 +259,24 @@ def meet_solid_surface(
     solid: Solid, span: wp.vec2, origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
 ) -> Hit:
     """`nearest`, or the surface before it."""
-    hit = nearest
+    return meet_surface_at(solid, surface_distance(span, start.passed), origin, direction, nearest)
+
+
+@wp.func(inline=True)
+def meet_open_surface(
+    solid: Solid, span: wp.vec2, origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
+) -> Hit:
+    """The same among surfaces that light may enter media through, which are met as boundaries are."""
     t = surface_distance(span, start.passed)
+    if solid.is_open == 1:
+        t = boundary_distance(span, start.t_min, is_inside(start.inside, solid.container))
+    return meet_surface_at(solid, t, origin, direction, nearest)
+
+
+@wp.func(inline=True)
+def meet_surface_at(solid: Solid, t: float, origin: wp.vec3, direction: wp.vec3, nearest: Hit) -> Hit:
+    """`nearest`, or the surface at distance t."""
+    hit = nearest
     is_nearer = t < nearest.t
     p = solid.to_object * (origin + direction * wp.where(is_nearer, t, 0.0)) + solid.to_object_offset
     normal = unit(wp.transpose(solid.to_object) * solid_normal(solid.kind, p))
@@ -284,6 +302,7 @@ def build_meet_solid(features: Any) -> Any:
     It has the arguments (solid, motions, origin, direction, start, nearest), and gives `nearest`, or the solid where it
     is before that.
     """
+    meet_surface = meet_open_surface if features.passes else meet_solid_surface
 
     @wp.func
     def meet_solid(
@@ -298,7 +317,7 @@ def build_meet_solid(features: Any) -> Any:
         if wp.static(features.links):
             if not casts_shadow(placed.shadow_links, start.casters):
                 return nearest
-        return meet_solid_surface(placed, span, origin, direction, start, nearest)
+        return meet_surface(placed, span, origin, direction, start, nearest)
 
     return meet_solid
 

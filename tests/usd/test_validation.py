@@ -7,9 +7,11 @@ import pytest
 from pxr import UsdValidation
 
 from fgf_warp.errors import SceneError
+from fgf_warp.scene import Medium
 from tests.usd.conftest import write
 from tests.usd.prims import CAMERA, DOME, medium_sphere
-from usd_scenes.library import stage_names, stage_path
+from usd_scenes.authoring import author_interchange
+from usd_scenes.library import MEDIUM_PATH, build_sphere, stage_names, stage_path
 from usd_scenes.validation import Finding, validate_stage
 
 HEADER = '#usda 1.0\n(\n    defaultPrim = "Camera"\n    metersPerUnit = 0.01\n    upAxis = "Y"\n)\n'
@@ -88,6 +90,12 @@ def test_nothing_is_found_in_a_stage_where_nothing_is_wrong(find) -> None:
             "accepted: FgfMediumAPI in the prim's apiSchemas",
         ),
         (
+            medium_sphere("token outputs:fgf:volume.connect = </Look/Gone.outputs:volume>"),
+            {},
+            ("warning", "/Look", "UnconnectedTerminal"),
+            "outputs:fgf:volume is connected to nothing",
+        ),
+        (
             medium_sphere("float inputs:fgf:meanExtinction = 1e6"),
             {},
             ("warning", "/Look", "OpaqueMedium"),
@@ -151,9 +159,17 @@ def test_what_is_wrong_is_told_once(find, prims: str, extra: dict, expected: tup
     assert words in finding.text
 
 
+def test_what_is_authored_for_other_renderers_is_no_error(tmp_path: Path) -> None:
+    """This USD has no shaders of MaterialX, of which it tells."""
+    stage = build_sphere(Medium(name="", mean_extinction=2.0))
+    author_interchange(stage.GetPrimAtPath(MEDIUM_PATH))
+    stage.Export(str(tmp_path / "stage.usda"))
+    assert {finding.severity for finding in validate_stage(tmp_path / "stage.usda")} == {"warning"}
+
+
 def test_a_boundary_without_a_surface_hides_the_medium(find) -> None:
     findings = find(medium_sphere('uniform token fgf:boundary = "surface"'))
-    assert {name for _, _, name in told(findings)} == {"UnconnectedSurface", "ShadowedMedium"}
+    assert {name for _, _, name in told(findings)} == {"MissingSurface", "ShadowedMedium"}
 
 
 def test_all_values_of_a_medium_that_are_wrong_are_told(find) -> None:

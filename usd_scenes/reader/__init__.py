@@ -1,6 +1,5 @@
 """Reads a USD stage into a `fgf_warp.scene.Scene`; reading is validation."""
 
-from usd_scenes.reader.frames import parse_frames
 from usd_scenes.reader.settings import Product
 from usd_scenes.reader.stage import (
     COMPLEXITIES,
@@ -20,7 +19,6 @@ __all__ = [
     "Product",
     "StageReading",
     "StageSurvey",
-    "parse_frames",
     "read_products",
     "read_scene",
     "read_stage",

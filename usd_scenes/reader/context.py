@@ -43,7 +43,7 @@ class StageContext:
     _closing: UsdGeom.XformCache = field(init=False)
 
     def __post_init__(self) -> None:
-        opening, closing = self.shutter or (self.time, self.time)
+        opening, closing = self.shutter_times
         object.__setattr__(self, "_opening", UsdGeom.XformCache(opening))
         object.__setattr__(self, "_closing", UsdGeom.XformCache(closing))
 
@@ -86,9 +86,27 @@ class StageContext:
         closing = self._matrix(self._closing, prim)
         return None if np.array_equal(closing, self.local_to_world(prim)) else closing
 
-    def _matrix(self, transforms: UsdGeom.XformCache, prim: Usd.Prim) -> np.ndarray:
+    def local_to_ancestor(self, prim: Usd.Prim, ancestor: Usd.Prim) -> tuple[np.ndarray, np.ndarray]:
+        """The same from a prim's space to that of a prim above it, when the shutter opens and when it closes.
+
+        Raises:
+            SceneError: as for `local_to_world`.
+        """
+        opening, closing = (self._matrix(cache, prim, ancestor) for cache in (self._opening, self._closing))
+        return opening, closing
+
+    @property
+    def shutter_times(self) -> tuple[Usd.TimeCode, Usd.TimeCode]:
+        """When the shutter opens and closes."""
+        return self.shutter or (self.time, self.time)
+
+    def _matrix(self, transforms: UsdGeom.XformCache, prim: Usd.Prim, ancestor: Usd.Prim | None = None) -> np.ndarray:
         try:
-            matrix = np.array(transforms.GetLocalToWorldTransform(prim)).T
+            if ancestor is None:
+                found = transforms.GetLocalToWorldTransform(prim)
+            else:
+                found, _ = transforms.ComputeRelativeTransform(prim, ancestor)
+            matrix = np.array(found).T
         except Tf.ErrorException as error:
             raise SceneError(f"{prim.GetPath()}.xformOpOrder: {error.args[0].commentary.strip()}") from None
         if not np.isfinite(matrix).all():

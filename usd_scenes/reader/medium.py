@@ -134,8 +134,9 @@ def _unknown_attributes(material: Usd.Prim) -> list[SceneError]:
 
 
 def _suggestion(name: str, known: set[str]) -> str:
-    nearest = difflib.get_close_matches(name, known, n=1)
-    return f", maybe {nearest[0]} is meant" if nearest else ""
+    by_last_word = {accepted.rpartition(":")[2]: accepted for accepted in known}
+    nearest = difflib.get_close_matches(name.rpartition(":")[2], by_last_word, n=1)
+    return f", maybe {by_last_word[nearest[0]]} is meant" if nearest else ""
 
 
 def _with_attribute(path: str, message: str) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from pxr import Sdf, Usd, UsdValidation
+from pxr import Sdf, Sdr, Usd, UsdShade, UsdValidation
 
 from usd_scenes import schema
 from usd_scenes.reader.diagnostics import open_stage, usd_errors_as_scene_errors
@@ -18,8 +18,18 @@ SEVERITIES: dict[object, Severity] = {
     UsdValidation.ValidationErrorType.Info: "info",
 }
 ORDER: tuple[Severity, ...] = ("error", "warning", "info")
+OF_THE_INSTALLATION = (
+    "usdShadeValidators:ShaderSdrCompliance.MissingShaderIdInRegistry",
+    "usdShadeValidators:ShaderSdrCompliance.MissingSourceTypeInRegistry",
+)
+"""What USD calls errors of the stage, though it only says that no shader of MaterialX or of another renderer is
+installed with it."""
 OURS = "usd_scenes.validation:"
 REFUSED = "Refused"
+UNKNOWN_SHADER = "MissingShaderIdInRegistry"
+"""What USD's validators call a shader that they do not know."""
+MATERIALX_PREFIX = "ND_"
+"""Of the shaders' identifiers that MaterialX defines."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +62,12 @@ def validate_stage(path: str | Path) -> tuple[Finding, ...]:
         SceneError: where there is no such file, or it is none of USD.
     """
     schema.register()
+    schema.register_shader()
     with usd_errors_as_scene_errors(str(path)):
         stage = open_stage(Path(path))
         validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
-        found = {_finding(error) for error in UsdValidation.ValidationContext(validators).Validate(stage)}
+        errors = UsdValidation.ValidationContext(validators).Validate(stage)
+        found = {_finding(error) for error in errors if not _is_of_materialx(error)}
     told = {_prim_path(finding) for finding in found if _is_ours(finding) and not _is_refusal(finding)}
     # What the reader refuses for a reason that another validator names is told once.
     kept = [finding for finding in found if not (_is_refusal(finding) and _prim_path(finding) in told)]
@@ -88,6 +100,14 @@ def refusal(name: str, stage: Usd.Stage, text: str) -> UsdValidation.ValidationE
     return error(name, prim, own.replace(str(path), path.name, 1) if path.IsPropertyPath() else own, path)
 
 
+def _is_of_materialx(found: UsdValidation.ValidationError) -> bool:
+    """True where a shader of MaterialX is unknown because this build of USD knows none of them."""
+    if found.GetName() != UNKNOWN_SHADER or "mtlx" in Sdr.Registry().GetAllShaderNodeSourceTypes():
+        return False
+    shaders = (UsdShade.Shader(site.GetPrim()) for site in found.GetSites() if site.IsPrim())
+    return all((shader.GetShaderId() or "").startswith(MATERIALX_PREFIX) for shader in shaders)
+
+
 def _made(
     kind: object, name: str, prim: Usd.Prim, text: str, path: Sdf.Path | None = None
 ) -> UsdValidation.ValidationError:
@@ -98,8 +118,9 @@ def _made(
 
 def _finding(found: UsdValidation.ValidationError) -> Finding:
     path = next((_site_path(site) for site in found.GetSites()), "/")
+    severity = SEVERITIES.get(found.GetType(), "error")
     return Finding(
-        severity=SEVERITIES.get(found.GetType(), "error"),
+        severity="warning" if found.GetIdentifier() in OF_THE_INSTALLATION else severity,
         validator=found.GetIdentifier(),
         path=path,
         text=" ".join(found.GetMessage().split()),

@@ -30,17 +30,24 @@ def check_terminals(prim: Usd.Prim, _times: object) -> Errors:
             text = f"fgf attributes make no medium; accepted: {schema.SCHEMA_NAME} in the prim's apiSchemas"
             return [error("UnappliedSchema", prim, text)]
         return []
+    found = [
+        warning(
+            "UnconnectedTerminal", prim, f"{output.GetFullName()} is connected to nothing; accepted: a shader's output"
+        )
+        for output in UsdShade.Material(prim).GetOutputs()
+        if not output.HasConnectedSource()
+    ]
     try:
         needs_surface = ends_in_surface(prim, _context(prim))
     except SceneError as problem:
-        return [refusal("UnknownBoundary", prim.GetStage(), str(problem))]
+        return [*found, refusal("UnknownBoundary", prim.GetStage(), str(problem))]
     if needs_surface and not UsdShade.Material(prim).ComputeSurfaceSource()[0]:
         text = (
             f"{schema.BOUNDARY_ATTRIBUTE} = surface, and the material has none, so that an opaque one in the display "
             f"color hides the medium; accepted: a connected outputs:surface, or {schema.BOUNDARY_ATTRIBUTE} = none"
         )
-        return [warning("UnconnectedSurface", prim, text)]
-    return []
+        found.append(warning("MissingSurface", prim, text))
+    return found
 
 
 def check_binding(prim: Usd.Prim, _times: object) -> Errors:
