@@ -212,7 +212,9 @@ def eval_ggx(alpha: float, wo: wp.vec3, wi: wp.vec3) -> wp.vec3:
     lambda_o = smith_lambda(alpha, wo)
     common = ggx_density(alpha, h) / (4.0 * wo[2])
     return wp.vec3(
-        common / (1.0 + lambda_o + smith_lambda(alpha, wi)), common / (1.0 + lambda_o), wp.clamp(wp.dot(wo, h), 0.0, 1.0)
+        common / (1.0 + lambda_o + smith_lambda(alpha, wi)),
+        common / (1.0 + lambda_o),
+        wp.clamp(wp.dot(wo, h), 0.0, 1.0),
     )
 
 
@@ -368,9 +370,7 @@ def prepare_bsdf(tables: wp.array(dtype=float), before: Bsdf, wo: wp.vec3) -> Bs
 
     # Lobes are chosen by what they reflect.
     under_coat = bsdf.cover * (1.0 - bsdf.coat_o)
-    single = single_albedo(tables, bsdf, cosine, bsdf.ggx_o) * dielectric + bsdf.diffuse * (
-        bsdf.metallic * bsdf.ggx_o
-    )
+    single = single_albedo(tables, bsdf, cosine, bsdf.ggx_o) * dielectric + bsdf.diffuse * (bsdf.metallic * bsdf.ggx_o)
     coat = bsdf.cover * bsdf.coat_o
     specular = under_coat * mean(single)
     matte = under_coat * mean(tinted) * (1.0 - bsdf.ggx_o)
@@ -580,7 +580,7 @@ def rescale(xi: float, low: float, width: float) -> float:
 
 @wp.func
 def sample_bsdf(tables: wp.array(dtype=float), bsdf: Bsdf, xi: wp.vec4) -> BsdfSample:
-    """A direction of what does not pass straight; two numbers place it in a lobe, the third chooses that, as the fourth.
+    """A direction of what does not pass straight; two numbers place it in a lobe, the others choose it.
 
     The weight is 0 where there is no direction.
     """

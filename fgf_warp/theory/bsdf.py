@@ -180,7 +180,7 @@ class Albedo:
         return interpolate_row(self.averages, roughness)
 
     def products(self, other: Albedo) -> np.ndarray:
-        """(ALBEDO_ROWS, ALBEDO_ROWS) averages of this albedo, of the first roughness, times another's, of the second."""
+        """(ALBEDO_ROWS, ALBEDO_ROWS) averages of this, of the first roughness, times another, of the second."""
         return (self.values * cosine_weights()) @ other.values.T
 
 
@@ -251,8 +251,10 @@ def _reflections() -> tuple[np.ndarray, np.ndarray]:
     return np.array(cosines, dtype=np.float32), np.array(seen, dtype=np.float32)
 
 
-def _facets(azimuth_count: int, height_count: int) -> Iterator[tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-    """Row by row: alpha, directions, normals that are visible from each, the cosines between them, and their weights."""
+def _facets(
+    azimuth_count: int, height_count: int
+) -> Iterator[tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+    """Row by row: alpha, directions, normals that each sees, the cosines between them, and their weights."""
     azimuths, azimuth_weights = _unit_nodes(azimuth_count)
     heights, height_weights = _unit_nodes(height_count)
     xi1, xi2 = (x.ravel() for x in np.meshgrid(azimuths / 2, heights, indexing="ij"))
@@ -379,7 +381,8 @@ class Bsdf:
 
         coat = float(dielectric.average(self.clearcoat_roughness))
         if self.specular is None:
-            single, shared = dielectric.average(self.roughness), with_coat(dielectric)
+            single = np.full(3, dielectric.average(self.roughness))
+            shared = np.full(3, with_coat(dielectric))
         else:
             f0 = np.array(self.specular)
             tips = float(tip.average(self.roughness))
