@@ -25,6 +25,7 @@ from fgf_warp.scene import (
     Shape,
     Solid,
     SphereLight,
+    moves,
 )
 from fgf_warp.settings import TRACED_AOVS, Aov, RenderSettings, Sampler
 
@@ -44,11 +45,12 @@ class RenderFeatures:
         shading: surfaces that are more than diffuse, vary, or have normals of their own.
         passes: surfaces that light may pass, straight or refracted.
         lens: a camera that is more than a pinhole.
+        varied_starts: camera rays that may begin in different media, so that each finds its own.
         shaped_lights: which of ``rect``, ``disk``, ``sphere``, ``cylinder`` and ``mesh`` lights there are: those that
             rays can meet.
         distant_lights: distant lights, with an extent or without.
-        environment: a dome. A uniform one is met by scattered rays and not connected to.
-        dome_image: a dome with an image, which is connected to.
+        environment: a dome that is the same everywhere and for all, met by scattered rays and not connected to.
+        dome_image: a dome with an image, or one that is linked or shaped, which is connected to.
         light_images: rects with an image.
         shaping: lights that emit unevenly.
         links: lights that shine on some shapes, or that some shapes cast shadows of.
@@ -73,6 +75,7 @@ class RenderFeatures:
     shading: bool
     passes: bool
     lens: bool
+    varied_starts: bool
     shaped_lights: frozenset[str]
     distant_lights: bool
     environment: bool
@@ -96,9 +99,16 @@ class RenderFeatures:
         return bool(self.shaped_lights) or self.distant_lights or self.dome_image
 
     @property
+    def intricate_lights(self) -> bool:
+        """True where lights are looked at path by path: for their images, shapes or links."""
+        is_dressed = self.dome_image or self.light_images or self.shaping or self.links
+        return is_dressed or bool(self.shaped_lights & {"cylinder", "mesh"})
+
+    @property
     def connects_in_lanes(self) -> bool:
         """True where what is between a path and a light is found for all lanes at once."""
-        return self.connections and not (self.crossings or self.motion or self.instances or self.shading)
+        is_scalar = self.crossings or self.motion or self.instances or self.shading or self.intricate_lights
+        return self.connections and not is_scalar
 
     @property
     def refracts(self) -> bool:
@@ -149,21 +159,22 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         solids=frozenset(shape.kind for shape in scene.shapes if isinstance(shape, Solid)),
         meshes=any(isinstance(item, Mesh | MeshInstance | MeshLight) for item in (*scene.shapes, *scene.lights)),
         instances=any(isinstance(shape, MeshInstance) for shape in scene.shapes),
-        motion=scene.camera.closing is not None or any(_moves(shape) for shape in scene.shapes),
+        motion=scene.camera.closing is not None or any(moves(shape) for shape in scene.shapes),
         surfaces=bool(surfaces),
         shading=any(not surface.is_matte for surface in surfaces) or any(_has_normals(shape) for shape in scene.shapes),
         passes=passes,
         lens=not scene.camera.is_pinhole,
+        varied_starts=bool(scene.shapes_around_starts(settings.width, settings.height)),
         shaped_lights=frozenset(_light_kind(light) for light in scene.lights) - {"distant", "dome"},
         distant_lights=any(isinstance(light, DistantLight) for light in scene.lights),
-        environment=any(isinstance(light, DomeLight) for light in scene.lights),
-        dome_image=any(isinstance(light, DomeLight) and light.image is not None for light in scene.lights),
+        environment=any(isinstance(light, DomeLight) and light.is_plain for light in scene.lights),
+        dome_image=any(isinstance(light, DomeLight) and not light.is_plain for light in scene.lights),
         light_images=any(isinstance(light, AreaLight) and light.image is not None for light in scene.lights),
         shaping=any(light.shaping is not None for light in scene.lights),
         links=any(light.link is not None or light.shadow_link is not None for light in scene.lights),
         media=bool(media),
         lone_law=lone_law,
-        lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) and not _moves(filled[0]) else "",
+        lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) and not moves(filled[0]) else "",
         chromatic=any(medium.is_chromatic for medium in media),
         phases=frozenset(medium.phase_function for medium in media),
         frozen=any(medium.freezes_paths for medium in media),
@@ -184,10 +195,6 @@ LIGHT_KINDS: dict[type[Light], str] = {
 
 def _light_kind(light: Light) -> str:
     return light.shape if isinstance(light, AreaLight) else LIGHT_KINDS[type(light)]
-
-
-def _moves(shape: Shape) -> bool:
-    return not isinstance(shape, Mesh) and shape.closing is not None
 
 
 def _has_normals(shape: Shape) -> bool:
@@ -217,10 +224,11 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
         law_why = f"the channels of {_listed(chromatic)} differ in extinction"
     else:
         law_why = f"{_named_all(filled)} are filled with media" if filled else "no shape is filled with a medium"
-    dome_images = [light.name for light in scene.lights if isinstance(light, DomeLight) and light.image is not None]
+    domes = [light for light in scene.lights if isinstance(light, DomeLight)]
+    dome_images = [dome.name for dome in domes if not dome.is_plain]
     shaped = AreaLight | SphereLight | CylinderLight | MeshLight
     lights = [*named(shaped | DistantLight), *dome_images]
-    moving = [shape.name for shape in scene.shapes if _moves(shape)]
+    moving = [shape.name for shape in scene.shapes if moves(shape)]
     if scene.camera.closing is not None:
         moving.append(scene.camera.name)
     return (
@@ -244,6 +252,11 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
         Reason(
             "a camera beyond the pinhole", features.lens, scene.camera.name if features.lens else "nothing needs it"
         ),
+        Reason(
+            "camera rays that begin in media of their own",
+            features.varied_starts,
+            _why([shape.name for shape in scene.shapes_around_starts(settings.width, settings.height)]),
+        ),
         Reason("media", features.media, _why([shape.name for shape in filled])),
         Reason(f"one law for all flights: {features.lone_law}".removesuffix(": "), bool(features.lone_law), law_why),
         Reason(
@@ -266,8 +279,8 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
         Reason("connections to lights", features.connections, _why(lights)),
         Reason("lights with a shape", bool(features.shaped_lights), _why(named(shaped))),
         Reason("distant lights", features.distant_lights, _why(named(DistantLight))),
-        Reason("environment", features.environment, _why(named(DomeLight))),
-        Reason("environment with an image", features.dome_image, _why(dome_images)),
+        Reason("even environment", features.environment, _why([dome.name for dome in domes if dome.is_plain])),
+        Reason("environment to connect to", features.dome_image, _why(dome_images)),
         Reason(
             "images on lights",
             features.light_images,

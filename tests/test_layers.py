@@ -29,6 +29,7 @@ ALLOWED = {
         "fgf_warp.scene",
         "fgf_warp.settings",
         "fgf_warp.theory",
+        "fgf_warp.upload_lights",
         "fgf_warp.upload_meshes",
         "fgf_warp.upload_shading",
     ),
@@ -38,6 +39,12 @@ ALLOWED = {
         "fgf_warp.scene",
         "fgf_warp.theory",
         "fgf_warp.upload_meshes",
+    ),
+    "fgf_warp.upload_lights": (
+        "fgf_warp.device",
+        "fgf_warp.integrator",
+        "fgf_warp.scene",
+        "fgf_warp.upload_shading",
     ),
     "fgf_warp.probes": ("fgf_warp.device", "fgf_warp.theory", "fgf_warp.upload"),
     "fgf_warp.renderer": (
@@ -59,7 +66,7 @@ ALLOWED = {
 
 ONLY_IN = {
     "pxr": ("usd_scenes",),
-    "OpenImageIO": ("fgf_warp.output",),
+    "OpenImageIO": ("fgf_warp.output", "usd_scenes.reader.images"),
     "colour": ("fgf_warp.output",),
     "warp": (
         "fgf_warp.device",
@@ -67,6 +74,7 @@ ONLY_IN = {
         "fgf_warp.bvh_kernel",
         "fgf_warp.integrator",
         "fgf_warp.upload",
+        "fgf_warp.upload_lights",
         "fgf_warp.upload_meshes",
         "fgf_warp.upload_shading",
         "fgf_warp.probes",

@@ -336,7 +336,7 @@ def build_intersect_meshes(features: Any) -> Any:
         """A surface is met from both sides, a boundary from the side that the path is on."""
         if wp.static(has_light_triangles):
             if mesh.light >= 0:
-                return t > 0.0
+                return t > 0.0 and start.casters == wp.uint32(0)
         if mesh.surface >= 0:
             if wp.static(features.links):
                 if not casts_shadow(mesh.shadow_links, start.casters):

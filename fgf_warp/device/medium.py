@@ -31,6 +31,8 @@ class Container:
 
     medium: int
     priority: int
+    light_links: wp.uint32
+    """Bits of the linked lights that shine in it."""
     ior: float
     """Index of refraction, where light enters through its surface; 0: its boundary refracts nothing."""
     ior_number: int
@@ -38,16 +40,23 @@ class Container:
 
 
 @wp.func
-def medium_at(containers: wp.array(dtype=Container), inside: wp.uint32) -> int:
-    """The medium that fills the space: of the containers around it the one of highest priority; -1 for none."""
-    medium = int(-1)
-    priority = int(-2147483648)
+def container_at(containers: wp.array(dtype=Container), inside: wp.uint32) -> int:
+    """The container that fills the space: of those around it the one of highest priority; -1 for none."""
+    found = int(-1)
     for i in range(containers.shape[0]):
         if is_inside(inside, i):
-            container = containers[i]
-            if medium < 0 or container.priority > priority:
-                medium = container.medium
-                priority = container.priority
+            if found < 0 or containers[i].priority > containers[found].priority:
+                found = i
+    return found
+
+
+@wp.func
+def medium_at(containers: wp.array(dtype=Container), inside: wp.uint32) -> int:
+    """The medium that fills the space; -1 for none."""
+    medium = int(-1)
+    container = container_at(containers, inside)
+    if container >= 0:
+        medium = containers[container].medium
     return medium
 
 
