@@ -25,6 +25,7 @@ from fgf_warp.scene import (
     Shape,
     Solid,
     SphereLight,
+    moves,
 )
 from fgf_warp.settings import TRACED_AOVS, Aov, RenderSettings, Sampler
 
@@ -44,6 +45,7 @@ class RenderFeatures:
         shading: surfaces that are more than diffuse, vary, or have normals of their own.
         passes: surfaces that light may pass, straight or refracted.
         lens: a camera that is more than a pinhole.
+        varied_starts: camera rays that may begin in different media, so that each finds its own.
         shaped_lights: which of ``rect``, ``disk``, ``sphere``, ``cylinder`` and ``mesh`` lights there are: those that
             rays can meet.
         distant_lights: distant lights, with an extent or without.
@@ -73,6 +75,7 @@ class RenderFeatures:
     shading: bool
     passes: bool
     lens: bool
+    varied_starts: bool
     shaped_lights: frozenset[str]
     distant_lights: bool
     environment: bool
@@ -156,11 +159,12 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         solids=frozenset(shape.kind for shape in scene.shapes if isinstance(shape, Solid)),
         meshes=any(isinstance(item, Mesh | MeshInstance | MeshLight) for item in (*scene.shapes, *scene.lights)),
         instances=any(isinstance(shape, MeshInstance) for shape in scene.shapes),
-        motion=scene.camera.closing is not None or any(_moves(shape) for shape in scene.shapes),
+        motion=scene.camera.closing is not None or any(moves(shape) for shape in scene.shapes),
         surfaces=bool(surfaces),
         shading=any(not surface.is_matte for surface in surfaces) or any(_has_normals(shape) for shape in scene.shapes),
         passes=passes,
         lens=not scene.camera.is_pinhole,
+        varied_starts=bool(scene.shapes_around_starts(settings.width, settings.height)),
         shaped_lights=frozenset(_light_kind(light) for light in scene.lights) - {"distant", "dome"},
         distant_lights=any(isinstance(light, DistantLight) for light in scene.lights),
         environment=any(isinstance(light, DomeLight) and light.is_plain for light in scene.lights),
@@ -170,7 +174,7 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         links=any(light.link is not None or light.shadow_link is not None for light in scene.lights),
         media=bool(media),
         lone_law=lone_law,
-        lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) and not _moves(filled[0]) else "",
+        lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) and not moves(filled[0]) else "",
         chromatic=any(medium.is_chromatic for medium in media),
         phases=frozenset(medium.phase_function for medium in media),
         frozen=any(medium.freezes_paths for medium in media),
@@ -191,10 +195,6 @@ LIGHT_KINDS: dict[type[Light], str] = {
 
 def _light_kind(light: Light) -> str:
     return light.shape if isinstance(light, AreaLight) else LIGHT_KINDS[type(light)]
-
-
-def _moves(shape: Shape) -> bool:
-    return not isinstance(shape, Mesh) and shape.closing is not None
 
 
 def _has_normals(shape: Shape) -> bool:
@@ -228,7 +228,7 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
     dome_images = [dome.name for dome in domes if not dome.is_plain]
     shaped = AreaLight | SphereLight | CylinderLight | MeshLight
     lights = [*named(shaped | DistantLight), *dome_images]
-    moving = [shape.name for shape in scene.shapes if _moves(shape)]
+    moving = [shape.name for shape in scene.shapes if moves(shape)]
     if scene.camera.closing is not None:
         moving.append(scene.camera.name)
     return (
@@ -251,6 +251,11 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
         ),
         Reason(
             "a camera beyond the pinhole", features.lens, scene.camera.name if features.lens else "nothing needs it"
+        ),
+        Reason(
+            "camera rays that begin in media of their own",
+            features.varied_starts,
+            _why([shape.name for shape in scene.shapes_around_starts(settings.width, settings.height)]),
         ),
         Reason("media", features.media, _why([shape.name for shape in filled])),
         Reason(f"one law for all flights: {features.lone_law}".removesuffix(": "), bool(features.lone_law), law_why),

@@ -22,7 +22,7 @@ from fgf_warp.device import fbm
 from fgf_warp.device import lanes as lanes_module
 from fgf_warp.device.bsdf import Bsdf, eval_bsdf, prepare_bsdf, rescale, sample_bsdf
 from fgf_warp.device.bvh import Bvh, build_intersect_meshes, build_place_instance
-from fgf_warp.device.camera import Camera, camera_direction
+from fgf_warp.device.camera import Camera, camera_at, camera_direction, camera_ray, far_distance, film_point
 from fgf_warp.device.film import Film, Sample, Tally, add_sample
 from fgf_warp.device.geometry import (
     BOUNDARY,
@@ -98,6 +98,7 @@ from fgf_warp.device.medium import Container, Medium, container_at, ior_at, medi
 from fgf_warp.device.numerics import INFINITE, choose, log_positive, max_component
 from fgf_warp.device.options import kernel_options
 from fgf_warp.device.phase import Phase, build_phase
+from fgf_warp.device.prims import Prim, image_motion
 from fgf_warp.device.rng import (
     CAMERA,
     CONNECTION,
@@ -115,7 +116,7 @@ from fgf_warp.device.shading import Shade, Shading, read_surface
 from fgf_warp.device.surfaces import Surface, diffuse_pdf, sample_diffuse
 from fgf_warp.device.tables import draw_from
 from fgf_warp.features import RenderFeatures
-from fgf_warp.settings import Aov
+from fgf_warp.settings import PRIM_AOVS, SPLIT_AOVS, Aov
 
 lane_floats, tally_floats = lanes_module.lane_floats, lanes_module.tally_floats
 
@@ -154,12 +155,20 @@ class SceneData:
     tables: wp.array(dtype=wp.vec3)
     """Of the laws."""
     containers: wp.array(dtype=Container)
+    surface_prims: wp.array(dtype=Prim)
+    container_prims: wp.array(dtype=Prim)
+    """Of each of the surfaces and the containers, where a plane tells of them."""
     lights: wp.array(dtype=Light)
     light_tables: LightTables
     camera_inside: wp.uint32
-    """Containers around the camera."""
+    """Containers around what camera rays begin at, where they are the same for all."""
     camera_ior: float
-    """Index of refraction around it."""
+    """Index of refraction there; where they are not the same, in the middle of where rays begin."""
+    media_center: wp.vec3
+    media_radius: float
+    """A ball that holds all containers, used where they are not the same."""
+    boundaries: Bvh
+    """Containers that are meshes, without anything on them; used likewise."""
     seeds: wp.array(dtype=wp.uint64)
     """Of each image."""
 
@@ -241,7 +250,12 @@ LIGHT_KINDS = {
 @cache
 def build_program(features: RenderFeatures) -> Program:
     """The kernels that render scenes of these features; compiled when they are first loaded on a device."""
-    sees_first_segment = bool(features.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE})
+    moves = features.lens and features.motion
+    sees_first_segment = bool(features.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE, Aov.OPTICAL_DEPTH})
+    sees_segment_length = bool(features.aovs & {Aov.TRANSMITTANCE, Aov.OPTICAL_DEPTH})
+    tells_prims = bool(features.aovs & PRIM_AOVS)
+    sees_prims = tells_prims or (features.motion and Aov.MOTION in features.aovs)
+    splits = bool(features.aovs & SPLIT_AOVS)
     has_surfaces, has_lights, has_solids = features.surfaces, bool(features.shaped_lights), bool(features.solids)
     solid_kinds = {SOLID_KINDS[kind] for kind in features.solids}
     shaped_kinds = {LIGHT_KINDS[kind] for kind in features.shaped_lights}
@@ -407,7 +421,14 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func(inline=True)
-    def open_eyes(before: Path) -> Path:
+    def camera_of(camera: Camera, path: Path) -> Camera:
+        """The camera when the path was born."""
+        if wp.static(moves):
+            return camera_at(camera, path.start.time)
+        return camera
+
+    @wp.func(inline=True)
+    def open_eyes(before: Path, camera: Camera) -> Path:
         path = before
         path.hit.t = before.flight
         if wp.static(features.meshes):
@@ -415,6 +436,9 @@ def build_program(features: RenderFeatures) -> Program:
             path.hit.t = wp.min(before.flight + margin, INFINITE)
         if wp.static(sees_first_segment):
             path.hit.t = wp.where(before.depth == 0, INFINITE, path.hit.t)
+        if wp.static(features.lens):
+            far = far_distance(camera_of(camera, before), before.direction)
+            path.hit.t = wp.where(before.depth == 0, wp.min(path.hit.t, far), path.hit.t)
         path.hit.kind = MISS
         path.met = wp.vec3(0.0, 0.0, 0.0)
         return path
@@ -622,6 +646,9 @@ def build_program(features: RenderFeatures) -> Program:
         path.met = surface.emission
         path.reflectance = surface.reflectance
         path.hit.normal = bsdf.facet
+        if wp.static(Aov.NORMAL in features.aovs):
+            if before.depth == 0:
+                path.first_normal = bsdf.normal
         # Numbers of their own: what is drawn for the event says already that it comes here.
         more = draw_more(seed, before.pixel, before.turn, before.bounce, CONNECTION)
         if wp.static(passes):
@@ -733,13 +760,39 @@ def build_program(features: RenderFeatures) -> Program:
                         densities = attenuation(medium, t, before.from_medium == 1, before.rates)
                     relative = densities / wp.max(densities[path.channel], 1.0e-37)
                     path.channel_pdfs = wp.cw_mul(path.channel_pdfs, relative)
-        if wp.static(Aov.TRANSMITTANCE in features.aovs):
+        if wp.static(sees_segment_length):
             if path.depth == 0 and path.medium >= 0 and path.has_met_medium == 0:
                 if scatters or path.keeps == 0:
                     medium = scene.media[scene.first_medium + path.medium]
-                    length = segment_end(scene, before) - before.segment
+                    end = segment_end(scene, before)
+                    if wp.static(features.lens):
+                        end = wp.min(end, far_distance(camera_of(scene.camera, before), before.direction))
+                    length = end - before.segment
                     path.first_transmittance = attenuation(medium, length, False, wp.vec3(NOT_FROZEN))
+                    path.first_optical_depth = medium.extinction * length
                     path.has_met_medium = 1
+        return path
+
+    @wp.func
+    def identify(scene: SceneData, before: Path) -> Path:
+        """Which prim it meets, or scatters in the medium of, and how that moves in the image."""
+        path = before
+        scatters_in_medium = before.flight <= before.hit.t and before.flight < 0.5 * INFINITE
+        if before.depth == 0 and (scatters_in_medium or before.hit.kind == SURFACE):
+            prim = Prim()
+            if scatters_in_medium:
+                container = int(0)
+                if wp.static(lone_law == ""):
+                    container = container_at(scene.containers, before.start.inside)
+                prim = scene.container_prims[container]
+            else:
+                prim = scene.surface_prims[before.hit.item]
+            path.seen = wp.min(before.flight, before.hit.t)
+            path.prim = prim.number
+            path.instance = prim.instance
+            if wp.static(features.motion):
+                position = before.origin + before.direction * path.seen
+                path.first_motion = image_motion(scene.camera, prim, position, before.start.time)
         return path
 
     @wp.func(inline=True)
@@ -781,7 +834,7 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func(inline=True)
-    def arrive(before: Path, lone: Medium, environment: wp.vec3, forward: wp.vec3, limits: Limits) -> Path:
+    def arrive(before: Path, lone: Medium, environment: wp.vec3, camera: Camera, limits: Limits) -> Path:
         path = before
         is_alive = before.alive == 1
         scatters_in_medium = is_alive and before.flight <= before.hit.t and before.flight < 0.5 * INFINITE
@@ -803,12 +856,20 @@ def build_program(features: RenderFeatures) -> Program:
 
         if wp.static(Aov.DEPTH in features.aovs):
             nearest = before.hit.t
+            if wp.static(features.lens):
+                nearest = wp.where(before.hit.kind == MISS, INFINITE, before.hit.t)
             if wp.static(lone_solid):
-                nearest = wp.min(nearest, before.t_in)
+                t_in = before.t_in
+                if wp.static(features.lens):
+                    t_in = wp.where(t_in <= before.hit.t, t_in, INFINITE)
+                nearest = wp.min(nearest, t_in)
             is_first = before.depth == 0 and nearest < INFINITE and before.first_depth == INFINITE
             if wp.static(passes):
                 is_first = is_first and before.passes == 0
-            ahead = nearest * wp.dot(before.direction, forward)
+            view = camera_of(camera, before)
+            ahead = nearest * wp.dot(before.direction, view.forward)
+            if wp.static(features.lens):
+                ahead += view.near
             path.first_depth = wp.where(is_first, ahead, before.first_depth)
         if wp.static(has_crossings):
             path = cross(path, is_alive, crosses, scatters_in_medium, meets_surface)
@@ -817,12 +878,15 @@ def build_program(features: RenderFeatures) -> Program:
             stays = meets_surface and before.hit.t >= before.t_in and before.hit.t < before.t_out
             stays = stays or scatters_in_medium
             path.start.inside = wp.where(is_alive, wp.where(stays, wp.uint32(1), wp.uint32(0)), before.start.inside)
-            if wp.static(Aov.TRANSMITTANCE in features.aovs):
+            if wp.static(sees_segment_length):
                 length = wp.min(before.t_out, before.hit.t) - before.t_in
                 is_first = is_alive and before.depth == 0 and length >= 0.0
                 passed = lone_attenuation(lone, wp.max(length, 0.0), False, NOT_FROZEN)
                 passed = wp.where(is_first, passed, before.first_transmittance[0])
                 path.first_transmittance = wp.vec3(passed, passed, passed)
+                depth = lone.extinction[0] * length
+                depth = wp.where(is_first, depth, before.first_optical_depth[0])
+                path.first_optical_depth = wp.vec3(depth, depth, depth)
 
         weight = channel_weight(before)
         if wp.static(features.media and Aov.COLLISIONS in features.aovs):
@@ -842,6 +906,8 @@ def build_program(features: RenderFeatures) -> Program:
         if wp.static(features.environment):
             beyond = wp.cw_mul(share, wp.cw_mul(environment, weight))
             path.radiance = path.radiance + beyond * wp.where(escapes, 1.0, 0.0)
+        if wp.static(splits):
+            path.direct = choose(before.depth <= 1, path.radiance, before.direct)
 
         # It scatters: in the medium, or from a surface.
         would_scatter = scatters_in_medium or meets_surface
@@ -873,6 +939,8 @@ def build_program(features: RenderFeatures) -> Program:
             side = normal
             if wp.static(refracts):
                 side = choose(before.transmits == 1, -normal, normal)
+            if wp.static(Aov.NORMAL in features.aovs and not shades):
+                path.first_normal = choose(before.depth == 0 and meets_surface, normal, before.first_normal)
             off_surface = offset_from_surface(path.origin, side, before.hit.t)
             path.origin = choose(meets_surface, off_surface, path.origin)
             if wp.static(shades):
@@ -1156,6 +1224,8 @@ def build_program(features: RenderFeatures) -> Program:
     def go_on(before: Path, limits: Limits) -> Path:
         path = before
         scattered = before.scatters != MISS
+        if wp.static(splits):
+            path.direct = choose(before.depth == 0, before.radiance, before.direct)
         path.depth = before.depth + wp.where(scattered, 1, 0)
         path.crossings = wp.where(scattered, 0, before.crossings)
         plays = scattered and path.depth > limits.roulette_depth
@@ -1197,23 +1267,67 @@ def build_program(features: RenderFeatures) -> Program:
         else:
             xi = draw(seed, path.pixel, path.turn, 0, CAMERA)
             in_pixel = wp.vec2(xi[0], xi[1])
-        path.origin = camera.position
-        path.direction = camera_direction(camera, path.row, path.column, in_pixel[0], in_pixel[1])
+        if wp.static(features.chromatic or features.lens or features.motion):
+            xi = draw(seed, path.pixel, path.turn, 0, WHOLE_PATH)
+            path.channel = wp.min(int(xi[0] * 3.0), 2)
+            path.start.time = xi[1]
+            lens_x = xi[2]
+            lens_y = xi[3]
+        if wp.static(features.lens):
+            view = camera_of(camera, path)
+            film = film_point(view, path.row, path.column, in_pixel[0], in_pixel[1])
+            ray = camera_ray(view, film, lens_x, lens_y)
+            path.origin = ray.origin
+            path.direction = ray.direction
+        else:
+            path.origin = camera.position
+            path.direction = camera_direction(camera, path.row, path.column, in_pixel[0], in_pixel[1])
         path.throughput = wp.vec3(1.0, 1.0, 1.0)
         path.start.inside = inside
         path.start.crossed = -1
         path.pdf_direction = CAMERA_RAY
         path.first_depth = INFINITE
+        path.seen = INFINITE
+        path.instance = -1
         path.first_transmittance = wp.vec3(1.0, 1.0, 1.0)
         path.medium = -1
         path.links = ALL_LINKS
         path.rates = wp.vec3(NOT_FROZEN)
         path.squeeze = 1.0
-        if wp.static(features.motion):
-            path.start.time = draw(seed, path.pixel, path.turn, 0, WHOLE_PATH)[1]
         if wp.static(features.chromatic):
-            path.channel = wp.min(int(draw(seed, path.pixel, path.turn, 0, WHOLE_PATH)[0] * 3.0), 2)
             path.channel_pdfs = wp.vec3(1.0, 1.0, 1.0)
+        return path
+
+    @wp.func
+    def find_start(scene: SceneData, before: Path) -> Path:
+        """The containers around the path's start: those entered and not left on its own line from outside of all."""
+        path = before
+        back = wp.length(before.origin - scene.media_center) + scene.media_radius
+        origin = before.origin - before.direction * back
+        start = Start()
+        start.crossed = -1
+        start.time = before.start.time
+        for _ in range(MAX_CROSSINGS):
+            hit = Hit()
+            hit.t = back
+            hit.kind = MISS
+            if wp.static(has_solids):
+                for s in range(scene.solids.shape[0]):
+                    solid = scene.solids[s]
+                    if wp.static(features.motion):
+                        solid = solid_at(solid, scene.motions, start.time)
+                    if solid.container >= 0:
+                        span = solid_span(solid, solid.kind, origin, before.direction)
+                        hit = meet_solid_boundary(solid, span, start, hit)
+            if wp.static(features.meshes):
+                hit = intersect_meshes(scene.boundaries, origin, before.direction, start, hit)
+            if hit.kind != BOUNDARY:
+                break
+            start.inside = cross_boundary(start.inside, hit.item)
+            start.t_min = hit.t
+            start.crossed = hit.item
+        path.start.inside = start.inside
+        path.start.slack = 2.0 * OFFSET * coordinate_reach(before.origin, back)
         return path
 
     @wp.func(inline=True)
@@ -1227,6 +1341,14 @@ def build_program(features: RenderFeatures) -> Program:
         sample.albedo = path.first_albedo
         sample.collisions = path.collisions
         sample.path_length = path.path_length
+        sample.normal = path.first_normal
+        sample.motion = path.first_motion
+        sample.optical_depth = path.first_optical_depth
+        sample.direct = path.direct
+        sample.scatterings = float(path.depth)
+        sample.seen = path.seen
+        sample.prim = path.prim
+        sample.instance = path.instance
         sample.truncated = path.truncated
         return add_sample(before, sample, is_complete)
 
@@ -1248,6 +1370,20 @@ def build_program(features: RenderFeatures) -> Program:
             tally.collisions = film.collisions[place]
         if wp.static(Aov.PATH_LENGTH in features.aovs):
             tally.path_length = film.path_length[place]
+        if wp.static(Aov.NORMAL in features.aovs):
+            tally.normal = film.normal[place]
+        if wp.static(Aov.MOTION in features.aovs):
+            tally.motion = film.motion[place]
+        if wp.static(Aov.OPTICAL_DEPTH in features.aovs):
+            tally.optical_depth = film.optical_depth[place]
+        if wp.static(splits):
+            tally.direct = film.direct[place]
+        if wp.static(Aov.SCATTERINGS in features.aovs):
+            tally.scatterings = film.scatterings[place]
+        if wp.static(tells_prims):
+            tally.seen = film.seen[place]
+            tally.prim = film.prim[place]
+            tally.instance = film.instance[place]
         return tally
 
     @wp.func
@@ -1267,6 +1403,20 @@ def build_program(features: RenderFeatures) -> Program:
             film.collisions[place] = tally.collisions
         if wp.static(Aov.PATH_LENGTH in features.aovs):
             film.path_length[place] = tally.path_length
+        if wp.static(Aov.NORMAL in features.aovs):
+            film.normal[place] = tally.normal
+        if wp.static(Aov.MOTION in features.aovs):
+            film.motion[place] = tally.motion
+        if wp.static(Aov.OPTICAL_DEPTH in features.aovs):
+            film.optical_depth[place] = tally.optical_depth
+        if wp.static(splits):
+            film.direct[place] = tally.direct
+        if wp.static(Aov.SCATTERINGS in features.aovs):
+            film.scatterings[place] = tally.scatterings
+        if wp.static(tells_prims):
+            film.seen[place] = tally.seen
+            film.prim[place] = tally.prim
+            film.instance[place] = tally.instance
 
     # ---- the drivers.
 
@@ -1288,7 +1438,7 @@ def build_program(features: RenderFeatures) -> Program:
 
     connects_in_lanes = features.connects_in_lanes
     opens_eyes_at_once = not features.media or (lone_law != "" and not lone_solid)
-    needs_meeting = has_crossings and (lone_law == "" or Aov.TRANSMITTANCE in features.aovs)
+    needs_meeting = has_crossings and (lone_law == "" or sees_segment_length)
 
     @wp.func
     def look(scene: SceneData, before: Path) -> Path:
@@ -1297,7 +1447,7 @@ def build_program(features: RenderFeatures) -> Program:
         if wp.static(lone_solid):
             solid = scene.solids[scene.lone_solid]
             path = look_at_lone_solid(path, solid, solid.kind)
-        path = open_eyes(path)
+        path = open_eyes(path, scene.camera)
         if wp.static(has_solids):
             path = look_at_solids(scene, path)
         if wp.static(features.meshes):
@@ -1334,6 +1484,8 @@ def build_program(features: RenderFeatures) -> Program:
         for sample in range(first_sample, first_sample + sample_count):
             waiting.sample = sample
             path = emit(scene.camera, scene.camera_inside, seed, waiting)
+            if wp.static(features.varied_starts):
+                path = find_start(scene, path)
             if wp.static(freezes_at_birth):
                 path.rates = draw_rates(scene, path, lone, seed)
             while path.alive == 1:
@@ -1352,7 +1504,9 @@ def build_program(features: RenderFeatures) -> Program:
                         path, bsdf = shade(scene, path, seed)
                 if wp.static(needs_meeting):
                     path = meet(scene, path)
-                path = arrive(path, lone, scene.environment, scene.camera.forward, limits)
+                if wp.static(sees_prims):
+                    path = identify(scene, path)
+                path = arrive(path, lone, scene.environment, scene.camera, limits)
                 if wp.static(features.connections):
                     if path.scatters != MISS:
                         path = connect(scene, lone, path, bsdf, seed)
@@ -1438,6 +1592,11 @@ def build_program(features: RenderFeatures) -> Program:
                 fresh = emit(camera, camera_inside, seed, path)
                 if path.alive == 0 and path.sample < end_sample:
                     store(lanes, i, fresh)
+            if wp.static(features.varied_starts):
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    if path.alive == 1 and path.bounce == 0:
+                        store(lanes, i, find_start(scene, path))
             if wp.static(freezes_at_birth):
                 for i in range(LANES):
                     path = load(lanes, i)
@@ -1453,7 +1612,7 @@ def build_program(features: RenderFeatures) -> Program:
                 elif wp.static(lone_law != ""):
                     path = fly_in_lone_medium(path, lone, seed)
                 if wp.static(opens_eyes_at_once and not looks_up_flights):
-                    path = open_eyes(path)
+                    path = open_eyes(path, camera)
                 store(lanes, i, path)
             if wp.static(looks_up_flights):
                 for i in range(LANES):
@@ -1463,19 +1622,19 @@ def build_program(features: RenderFeatures) -> Program:
                     path = load(lanes, i)
                     path = fly_in_lone_medium(path, lone, seed)
                     if wp.static(opens_eyes_at_once):
-                        path = open_eyes(path)
+                        path = open_eyes(path, camera)
                     store(lanes, i, path)
             if wp.static(features.media and lone_law == ""):
                 for i in range(LANES):
                     path = load(lanes, i)
                     if path.alive == 1:
-                        path = open_eyes(fly_anywhere(scene, path, seed))
+                        path = open_eyes(fly_anywhere(scene, path, seed), camera)
                     store(lanes, i, path)
 
             if wp.static(lone_solid):
                 for i in range(LANES):
                     path = load(lanes, i)
-                    store(lanes, i, open_eyes(look_at_lone_solid(path, lone_shape, wp.static(lone_kind))))
+                    store(lanes, i, open_eyes(look_at_lone_solid(path, lone_shape, wp.static(lone_kind)), camera))
             if wp.static(has_solids and (features.motion or passes)):
                 for i in range(LANES):
                     path = load(lanes, i)
@@ -1538,10 +1697,15 @@ def build_program(features: RenderFeatures) -> Program:
                     path = load(lanes, i)
                     if path.alive == 1:
                         store(lanes, i, meet(scene, path))
+            if wp.static(sees_prims):
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    if path.alive == 1:
+                        store(lanes, i, identify(scene, path))
 
             for i in range(LANES):
                 path = load(lanes, i)
-                path = arrive(path, lone, environment, camera.forward, limits)
+                path = arrive(path, lone, environment, camera, limits)
                 if wp.static(connects_in_lanes):
                     path = begin_connection(path, lone)
                 if wp.static(not features.connections):

@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from fgf_warp.errors import SceneError
+from fgf_warp.errors import OpenMeshError, SceneError
 from fgf_warp.theory.law import LINE_VARIANCES, LineLaw, LineVariance, build_line_law
 from fgf_warp.theory.mixture import MIXTURE_ERROR, mix_exact_rates
 from fgf_warp.theory.phase import DRAINE_ALPHA_MAX
@@ -60,6 +60,8 @@ CONFORM_POLICIES: tuple[ConformPolicy, ...] = (
     "adjustApertureHeight",
     "adjustPixelAspectRatio",
 )
+START_ROUNDING = 1e-5
+"""Of coordinates in float32, amply and relative: camera rays that begin so near a shape may begin in it."""
 APERTURE_UNIT = 0.1
 """Of lengths of film and lens [stage unit]: UsdGeom.Camera has them in tenths."""
 
@@ -83,6 +85,7 @@ class Camera:
             directly [stage unit], 0 <= near < far.
         exposure_scale: > 0, by which radiance is multiplied in the image.
         conform_policy: what gives way where the image's aspect ratio is not the film's, as UsdRender names it.
+        pixel_aspect_ratio: width of a pixel over its height, > 0; ``adjustPixelAspectRatio`` finds its own.
         closing: (4, 4) float64, `camera_to_world` when the shutter closes, between which it moves linearly; None: it
             rests.
     """
@@ -100,6 +103,7 @@ class Camera:
     clipping_range: tuple[float, float] = (0.0, math.inf)
     exposure_scale: float = 1.0
     conform_policy: ConformPolicy = "expandAperture"
+    pixel_aspect_ratio: float = 1.0
     closing: np.ndarray | None = None
 
     def __post_init__(self) -> None:
@@ -115,7 +119,7 @@ class Camera:
         near, far = self.clipping_range
         if not 0 <= near < far:
             raise SceneError(f"{self.name}: clipping_range = ({near:g}, {far:g}); accepted: 0 <= near < far")
-        for key in ("focal_length", "horizontal_aperture", "vertical_aperture"):
+        for key in ("focal_length", "horizontal_aperture", "vertical_aperture", "pixel_aspect_ratio"):
             _check_range(self.name, key, getattr(self, key), "> 0", lambda x: x > 0)
         for key in ("horizontal_offset", "vertical_offset"):
             _check_range(self.name, key, getattr(self, key), "finite", lambda x: True)
@@ -141,21 +145,59 @@ class Camera:
         """(3,) float64, the pinhole in world space."""
         return self.camera_to_world[:3, 3]
 
-    def window(self, width: int, height: int) -> tuple[float, float, float, float]:
-        """Left, right, bottom and top of the image on the plane at unit distance.
+    @property
+    def lens_radius(self) -> float:
+        """[stage unit]; 0 of a pinhole."""
+        return APERTURE_UNIT * self.focal_length / (2 * self.f_stop) if self.has_lens else 0.0
 
-        Where the image's aspect ratio is not the film's, the film is widened until it covers the image
-        (USD's default conform policy ``expandAperture``).
+    def window(self, width: int, height: int) -> tuple[float, float, float, float]:
+        """Left, right, bottom and top of the image: on the plane at unit distance, or orthographic in stage units.
+
+        Where the image's aspect ratio is not the film's, it is as `conform_policy` says: the film is widened until it
+        covers the image (``expandAperture``) or narrowed until the image covers it (``cropAperture``), only its width
+        or only its height is changed, or the pixels are no squares (``adjustPixelAspectRatio``).
         """
         half_w, half_h = self.horizontal_aperture / 2, self.vertical_aperture / 2
-        image_aspect = width / height
-        half_w, half_h = max(half_w, half_h * image_aspect), max(half_h, half_w / image_aspect)
+        image_aspect = self.pixel_aspect_ratio * width / height
+        wide, high = half_h * image_aspect, half_w / image_aspect
+        policy = self.conform_policy
+        fits_width = policy == "adjustApertureWidth" or (policy == "expandAperture" and wide > half_w)
+        fits_width = fits_width or (policy == "cropAperture" and wide < half_w)
+        if fits_width:
+            half_w = wide
+        elif policy != "adjustPixelAspectRatio":
+            half_h = high
+        scale = APERTURE_UNIT if self.projection == "orthographic" else 1 / self.focal_length
         return (
-            (self.horizontal_offset - half_w) / self.focal_length,
-            (self.horizontal_offset + half_w) / self.focal_length,
-            (self.vertical_offset - half_h) / self.focal_length,
-            (self.vertical_offset + half_h) / self.focal_length,
+            scale * (self.horizontal_offset - half_w),
+            scale * (self.horizontal_offset + half_w),
+            scale * (self.vertical_offset - half_h),
+            scale * (self.vertical_offset + half_h),
         )
+
+    def start_bounds(self, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner, (3,) each, of a box that holds what rays begin at; tight but where it turns."""
+        left, right, bottom, top = self.window(width, height)
+        near, grows = self.clipping_range[0], self.projection == "perspective"
+        # Of the film's window at the near plane, and of the lens as seen from there.
+        window = near if grows else 1.0
+        lens = self.lens_radius * abs(1 - near / self.focus_distance) if self.has_lens else 0.0
+        middle = np.array([window * (left + right) / 2, window * (bottom + top) / 2, -near])
+        half = np.array([window * (right - left) / 2 + lens, window * (top - bottom) / 2 + lens, 0.0])
+        matrices = [self.camera_to_world] + ([] if self.closing is None else [self.closing])
+        axes = [unit_axes(matrix) for matrix in matrices]
+        positions = [matrix[:3, 3] for matrix in matrices]
+        if not np.array_equal(axes[0], axes[-1]):
+            reach = float(np.abs(middle).sum() + half.sum())
+            return np.min(positions, axis=0) - reach, np.max(positions, axis=0) + reach
+        middles = [position + axes[0] @ middle for position in positions]
+        spread = np.abs(axes[0]) @ half
+        return np.min(middles, axis=0) - spread, np.max(middles, axis=0) + spread
+
+
+def unit_axes(matrix: np.ndarray) -> np.ndarray:
+    """(3, 3) float64, whose columns are the directions of a matrix's axes: its lengths are not the camera's."""
+    return matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
 
 
 @dataclass(frozen=True)
@@ -323,6 +365,17 @@ class Medium:
         return self.transport == "mixed" and any(not law.is_exponential for law in self.channel_laws)
 
     @property
+    def mean_cosine(self) -> float:
+        """Of the angle by which the phase function scatters; Draine's follows from the moments of Henyey-Greenstein.
+
+        The mean of P_n(cos) of Henyey-Greenstein is g^n, so that of cos^2 is (1 + 2 g^2) / 3 and that of cos^3 is
+        (3 g + 2 g^3) / 5.
+        """
+        g, alpha = self.asymmetry, self.draine_alpha
+        first = g * (1 + alpha * (3 + 2 * g**2) / 5) / (1 + alpha * (1 + 2 * g**2) / 3)
+        return (1 - self.back_weight) * first + self.back_weight * self.back_asymmetry
+
+    @property
     def is_chromatic(self) -> bool:
         """True where the channels differ in extinction."""
         return len(set(self.extinction_color)) > 1
@@ -387,7 +440,7 @@ class TextureInput:
 
     Args:
         texture: what is read.
-        primvar: name of the texture coordinates; a shape that has none of that name is read at `st`.
+        primvar: name of the texture coordinates, empty for none; a shape that has none of that name is read at `st`.
         st: texture coordinates of such shapes.
         transform: two rows of three, applied to (s, t, 1).
         channels: ``rgb``, or one of ``r``, ``g``, ``b`` and ``a``.
@@ -475,7 +528,7 @@ class Surface:
     @property
     def primvars(self) -> frozenset[str]:
         """Names of what it reads from the shape."""
-        return frozenset(value.primvar for value in self.inputs)
+        return frozenset(value.primvar for value in self.inputs if value.primvar)
 
     @property
     def is_matte(self) -> bool:
@@ -577,10 +630,18 @@ class Mesh:
         if self.medium is not None:
             open_edges = count_open_edges(self.points, self.triangles)
             if open_edges:
-                raise SceneError(
+                raise OpenMeshError(
                     f"{self.name}: a medium needs a closed mesh, and this one has {open_edges} open or "
                     "inconsistently oriented edges"
                 )
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner, (3,) each, of a box that holds the triangles."""
+        is_used = np.zeros(len(self.points), dtype=bool)
+        is_used[self.triangles] = True
+        points = self.points[is_used]
+        return points.min(axis=0), points.max(axis=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -624,6 +685,8 @@ class MeshInstance:
 Shape = Solid | Mesh | MeshInstance
 
 
+MAX_CONTAINERS = 32
+"""Shapes filled with a medium: one bit each in a path's state."""
 MAX_LINKS = 32
 """Sets of shapes that lights may be linked to: a bit each in `Solid.light_links` and its like."""
 
@@ -943,6 +1006,22 @@ class Scene:
         extents = (high - low for low, high in self._medium_bounds(index))
         return max((float(extent.max()) for extent in extents), default=None)
 
+    @cached_property
+    def prims(self) -> tuple[str, ...]:
+        """The distinct names of shapes, in order: the first is prim 1 of images."""
+        return tuple(dict.fromkeys(shape.name for shape in self.shapes))
+
+    def shapes_around_starts(self, width: int, height: int) -> tuple[Shape, ...]:
+        """Shapes filled with media that some camera rays may begin in and others not: by boxes, so rather too many."""
+        low, high = self.camera.start_bounds(width, height)
+        margin = START_ROUNDING * max(np.abs(low).max(), np.abs(high).max())
+        varied = []
+        for shape, (lowest, highest) in zip(self.shapes, self.bounds, strict=True):
+            is_varied = shape.medium is not None and (moves(shape) or not np.array_equal(low, high))
+            if is_varied and (low <= highest + margin).all() and (high >= lowest - margin).all():
+                varied.append(shape)
+        return tuple(varied)
+
     def frozen_share(self, index: int, medium: Medium) -> float:
         """The share of paths for which a medium in the place of number `index` is frozen; 0 where it fills nothing.
 
@@ -961,11 +1040,14 @@ class Scene:
         return min(one_after_the_other, float(np.linalg.norm(np.max(highs, axis=0) - np.min(lows, axis=0))))
 
     def _medium_bounds(self, index: int) -> list[tuple[np.ndarray, np.ndarray]]:
-        return [bounds for shape, bounds in zip(self.shapes, self._bounds, strict=True) if shape.medium == index]
+        return [bounds for shape, bounds in zip(self.shapes, self.bounds, strict=True) if shape.medium == index]
 
     @cached_property
-    def _bounds(self) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
-        """Of every shape: looking through the points of a mesh takes time, and a sweep asks for each of its samples."""
+    def bounds(self) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+        """Lowest and highest corner, (3,) each, of every shape's box.
+
+        Looking through the points of a mesh takes time, and a sweep asks for each of its samples.
+        """
         return tuple(shape_bounds(shape) for shape in self.shapes)
 
     @cached_property
@@ -973,7 +1055,7 @@ class Scene:
         """Half the diagonal of the box around all shapes [stage unit]; 1 of none."""
         if not self.shapes:
             return 1.0
-        lows, highs = zip(*self._bounds, strict=True)
+        lows, highs = zip(*self.bounds, strict=True)
         return float(np.linalg.norm(np.max(highs, axis=0) - np.min(lows, axis=0))) / 2
 
     def with_medium(self, index: int, medium: Medium) -> Scene:
@@ -983,6 +1065,18 @@ class Scene:
     def with_media(self, media: tuple[Medium, ...]) -> Scene:
         """The same scene with other media in the place of its own."""
         return replace(self, media=media)
+
+
+def drift(shape: Shape) -> np.ndarray:
+    """(4, 4) float64 by which a point of a shape moves while the shutter is open, from its place at the opening."""
+    if isinstance(shape, Mesh) or shape.closing is None:
+        return np.zeros((4, 4))
+    return shape.closing @ np.linalg.inv(shape.object_to_world) - np.eye(4)
+
+
+def moves(shape: Shape) -> bool:
+    """True where a shape moves while the shutter is open."""
+    return not isinstance(shape, Mesh) and shape.closing is not None
 
 
 def shape_widths(shape: Shape) -> tuple[float, float]:
@@ -999,16 +1093,44 @@ def shape_widths(shape: Shape) -> tuple[float, float]:
 def shape_bounds(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest corner, (3,) each, of a box that holds the shape; not tight for a turned round solid."""
     if isinstance(shape, Mesh):
-        points = shape.points[np.unique(shape.triangles)]
-        return points.min(axis=0), points.max(axis=0)
+        return shape.bounds
     if isinstance(shape, MeshInstance):
-        low, high = shape_bounds(shape.mesh)
+        low, high = shape.mesh.bounds
         corners = (low + high) / 2 + CUBE_CORNERS * (high - low) / 2
     else:
         corners = CUBE_CORNERS
     matrices = [shape.object_to_world] + ([] if shape.closing is None else [shape.closing])
     points = np.concatenate([corners @ matrix[:3, :3].T + matrix[:3, 3] for matrix in matrices])
     return points.min(axis=0), points.max(axis=0)
+
+
+def encloses(shape: Shape, point: np.ndarray) -> bool:
+    """True where the point, (3,) float64 in world space, lies in the closed shape when the shutter opens."""
+    if isinstance(shape, Mesh):
+        return winding_number(shape.points, shape.triangles, point) > 0.5
+    local = np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3]
+    if isinstance(shape, MeshInstance):
+        return encloses(shape.mesh, local)
+    x, y, z = local
+    if shape.kind == "sphere":
+        return bool(x * x + y * y + z * z < 1)
+    if shape.kind == "cube":
+        return bool(max(abs(x), abs(y), abs(z)) < 1)
+    return bool(x * x + y * y < 1 and abs(z) < 1)
+
+
+def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:
+    """How often a closed mesh winds around a point: 1 inside, 0 outside (van Oosterom and Strackee 1983)."""
+    a, b, c = (np.asarray(points, dtype=np.float64)[triangles[:, corner]] - point for corner in range(3))
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    denominator = (
+        la * lb * lc
+        + np.einsum("ij,ij->i", a, b) * lc
+        + np.einsum("ij,ij->i", b, c) * la
+        + np.einsum("ij,ij->i", c, a) * lb
+    )
+    return float(np.arctan2(volume, denominator).sum() / (2 * math.pi))
 
 
 def count_open_edges(points: np.ndarray, triangles: np.ndarray) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -12,20 +12,25 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.device import camera as camera_device
-from fgf_warp.device import geometry, law, medium, phase, surfaces, tables
+from fgf_warp.device import geometry, law, medium, numerics, phase, prims, surfaces, tables
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import LAW_KINDS, SOLID_KINDS, Limits, SceneData
 from fgf_warp.scene import (
+    MAX_CONTAINERS,
     Camera,
     DomeLight,
     Medium,
-    Mesh,
     MeshInstance,
     Scene,
     Shape,
     Solid,
+    drift,
+    encloses,
+    moves,
+    shape_bounds,
+    unit_axes,
 )
-from fgf_warp.settings import RenderSettings
+from fgf_warp.settings import PRIM_AOVS, Aov, RenderSettings
 from fgf_warp.theory import fbm, kernels
 from fgf_warp.theory.law import LineLaw
 from fgf_warp.theory.mixture import RateMixture, mix_exact_rates, mix_rates
@@ -40,14 +45,8 @@ from fgf_warp.upload_meshes import (
 )
 from fgf_warp.upload_shading import build_device_shading, indices_of_refraction
 
-MAX_CONTAINERS = 32
-"""Shapes filled with a medium: one bit each in a path's state."""
-
 EXTINCTION_FLOOR = 1e-30
 """Stands for a vanishing extinction, whose free flights are beyond every scene."""
-
-MOMENTS = np.linspace(0, 1, 17)
-"""Times of the shutter at which it is found out what is around a camera, where something moves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,10 +112,19 @@ def upload(
     data.tables = rows.upload(device)
     iors = indices_of_refraction(containers)
     data.containers = wp.array([_container(s, scene, iors) for s in containers], dtype=medium.Container, device=device)
+    if settings.aovs & {*PRIM_AOVS, Aov.MOTION}:
+        data.surface_prims = _prims([shape for shape in shapes if shape.surface is not None], scene, device)
+        data.container_prims = _prims(containers, scene, device)
     data.lights, data.light_tables = build_device_lights(scene, containers, device)
-    inside = containers_around_camera(scene.camera, containers)
+    low, high = scene.camera.start_bounds(settings.width, settings.height)
+    inside = containers_around((low + high) / 2, containers)
     data.camera_inside = wp.uint32(inside)
     data.camera_ior = _ior_around(inside, containers, scene)
+    if scene.shapes_around_starts(settings.width, settings.height):
+        lows, highs = zip(*(shape_bounds(shape) for shape in containers), strict=True)
+        low, high = np.min(lows, axis=0), np.max(highs, axis=0)
+        data.media_center, data.media_radius = wp.vec3(*(low + high) / 2), float(np.linalg.norm(high - low))
+        data.boundaries = build_device_meshes([_bare(shape) for shape in containers], [], device)
     data.seeds = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
 
     limits = Limits()
@@ -125,64 +133,18 @@ def upload(
     return UploadedScene(data, limits)
 
 
-def containers_around_camera(camera: Camera, containers: Sequence[Shape]) -> int:
-    """Bits of the containers that a camera is in.
-
-    Raises:
-        UnsupportedFeatureError: for a container that it is in for a part of the shutter's time only.
-    """
-
-    def around(time: float) -> int:
-        return containers_around(_matrix_at(camera.camera_to_world, camera.closing, time)[:3, 3], containers, time)
-
-    found = around(0.0)
-    moves = [camera.closing is not None, *(not isinstance(s, Mesh) and s.closing is not None for s in containers)]
-    for time in MOMENTS if any(moves) else ():
-        changed = found ^ around(time)
-        if changed:
-            raise UnsupportedFeatureError(
-                f"{camera.name}: the camera is in {containers[changed.bit_length() - 1].name} for a part of the "
-                "shutter's time; accepted: for all of it, or never"
-            )
-    return found
-
-
-def containers_around(point: np.ndarray, containers: Sequence[Shape], time: float = 0.0) -> int:
-    """Bits of the containers that a point, (3,) float64, lies in at a time in [0, 1] of the shutter."""
-    return sum(1 << bit for bit, shape in enumerate(containers) if encloses(shape, point, time))
-
-
-def encloses(shape: Shape, point: np.ndarray, time: float = 0.0) -> bool:
-    """True where the point, (3,) float64, lies in the closed shape at a time in [0, 1] of the shutter."""
-    if isinstance(shape, Mesh):
-        return winding_number(shape.points, shape.triangles, point) > 0.5
-    inner = np.linalg.solve(_matrix_at(shape.object_to_world, shape.closing, time), np.append(point, 1.0))[:3]
+def _bare(shape: Shape) -> Shape:
+    """The shape as a mere boundary."""
+    if shape.surface is None:
+        return shape
     if isinstance(shape, MeshInstance):
-        return encloses(shape.mesh, inner)
-    x, y, z = inner
-    if shape.kind == "sphere":
-        return bool(x * x + y * y + z * z < 1)
-    if shape.kind == "cube":
-        return bool(max(abs(x), abs(y), abs(z)) < 1)
-    return bool(x * x + y * y < 1 and abs(z) < 1)
+        return replace(shape, mesh=replace(shape.mesh, surface=None))
+    return replace(shape, surface=None)
 
 
-def _matrix_at(opening: np.ndarray, closing: np.ndarray | None, time: float) -> np.ndarray:
-    return opening if closing is None else (1 - time) * opening + time * closing
-
-
-def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:
-    """How often a closed mesh winds around a point: 1 inside, 0 outside (van Oosterom and Strackee 1983)."""
-    a, b, c = (np.asarray(points, dtype=np.float64)[triangles[:, corner]] - point for corner in range(3))
-    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-    denominator = (
-        la * lb * lc
-        + np.einsum("ij,ij->i", a, b) * lc
-        + np.einsum("ij,ij->i", b, c) * la
-        + np.einsum("ij,ij->i", c, a) * lb
-    )
-    return float(np.arctan2(volume, denominator).sum() / (2 * math.pi))
+def containers_around(point: np.ndarray, containers: Sequence[Shape]) -> int:
+    """Bits of the containers that a point, (3,) float64, lies in."""
+    return sum(1 << bit for bit, shape in enumerate(containers) if encloses(shape, point))
 
 
 fit_flight = cache(kernels.fit_flight)
@@ -309,6 +271,19 @@ def _ior_around(inside: int, containers: Sequence[Shape], scene: Scene) -> float
     return 1.0 if nearest is None or nearest.surface is None else nearest.surface.ior
 
 
+def _prims(shapes: Sequence[Shape], scene: Scene, device: str) -> wp.array:
+    numbers = {name: number for number, name in enumerate(scene.prims, start=1)}
+    prim: Any = prims.Prim
+    rows: Any = np.zeros(len(shapes), dtype=prim.numpy_dtype())
+    rows["number"] = [numbers[shape.name] for shape in shapes]
+    rows["instance"] = [shape.instance for shape in shapes]
+    for row, shape in zip(rows, shapes, strict=True):
+        if moves(shape):
+            moved = drift(shape)
+            row["drift"], row["drift_offset"] = moved[:3, :3], moved[:3, 3]
+    return wp.array(rows, dtype=prim, device=device)
+
+
 def _upload_solids(shapes: Sequence[Shape], device: str) -> wp.array:
     surface_of, container_of, motion_of = number_surfaces(shapes), number_containers(shapes), number_motions(shapes)
     solids = [shape for shape in shapes if isinstance(shape, Solid)]
@@ -341,14 +316,25 @@ def _surface(shape: Shape) -> Any:
 
 def _camera(camera: Camera, width: int, height: int) -> Any:
     left, right, bottom, top = camera.window(width, height)
-    axes = camera.camera_to_world[:3, :3] / np.linalg.norm(camera.camera_to_world[:3, :3], axis=0)
+    closing = camera.camera_to_world if camera.closing is None else camera.closing
+    near, far = camera.clipping_range
     result = camera_device.Camera()
-    result.position = wp.vec3(*camera.position)
-    result.right, result.up, result.forward = wp.vec3(*axes[:, 0]), wp.vec3(*axes[:, 1]), wp.vec3(*-axes[:, 2])
+    result.position, result.closing_position = wp.vec3(*camera.position), wp.vec3(*closing[:3, 3])
+    result.right, result.up, result.forward = _camera_axes(camera.camera_to_world)
+    result.closing_right, result.closing_up, result.closing_forward = _camera_axes(closing)
     result.left_edge, result.top_edge = left, top
     result.pixel_width, result.pixel_height = (right - left) / width, (top - bottom) / height
     result.width = width
+    result.is_orthographic = int(camera.projection == "orthographic")
+    result.lens_radius = camera.lens_radius
+    result.nearness = 1 / camera.focus_distance if camera.has_lens else 0.0
+    result.near, result.far = near, min(far, float(numerics.INFINITE))
     return result
+
+
+def _camera_axes(matrix: np.ndarray) -> tuple[wp.vec3, wp.vec3, wp.vec3]:
+    axes = unit_axes(matrix)
+    return wp.vec3(*axes[:, 0]), wp.vec3(*axes[:, 1]), wp.vec3(*-axes[:, 2])
 
 
 def _environment(scene: Scene) -> np.ndarray:

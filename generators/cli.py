@@ -17,7 +17,7 @@ import typer
 from typer.core import TyperGroup
 
 from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError, OutputError
-from fgf_warp.settings import PRESETS, Aov, RenderSettings, Sampler
+from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -29,8 +29,10 @@ if TYPE_CHECKING:
     from fgf_warp.scene import Medium, Scene
     from fgf_warp.theory.law import LineVariance
     from generators.config import LoadedConfig
+    from generators.pictures import Picture
     from generators.plan import Plan
     from generators.run import Report
+    from usd_scenes.reader import Frame
 
 EXIT_BAD_INPUT, EXIT_PARTIAL, EXIT_CORRUPT, EXIT_UNEXPECTED = 2, 3, 4, 5
 PLAN_ROWS = 20
@@ -94,7 +96,14 @@ def fgf(context: typer.Context) -> None:
 def render(
     stage: Annotated[Path, typer.Argument(metavar="STAGE", help="The USD file.")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="OUT.exr", help="The image to write.")
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="OUT.exr",
+            help="The image to write; of several frames with #### for their number. "
+            "Default: as the stage's RenderProducts say.",
+        ),
     ] = None,
     camera: Annotated[
         str | None,
@@ -114,79 +123,123 @@ def render(
     ] = Sampler.LATTICE.value,
     device: Device = "cpu",
     memory: Memory = RenderSettings.memory,
-    frame: Annotated[
-        float | None,
-        typer.Option("--frame", "-f", metavar="F", help="Time code; default: the stage's start, or the earliest."),
+    frames: Annotated[
+        str | None,
+        typer.Option(
+            "--frames",
+            "--frame",
+            "-f",
+            metavar="SPEC",
+            help="Frames: 7, 1:24, 1:24x2 or 101,105:110; default: the stage's start, or the earliest.",
+        ),
     ] = None,
+    default_time: Annotated[
+        bool, typer.Option("--defaultTime", "-d", help="Take attributes' default values, not those of a frame.")
+    ] = False,
     purposes: Annotated[
-        str, typer.Option(metavar="LIST", help="Purposes of the geometry to include, with commas.")
-    ] = "default,render",
+        str | None,
+        typer.Option(
+            "--purposes",
+            "-p",
+            metavar="LIST",
+            help="Purposes of the geometry to include beside default, with commas; default: as the stage says, or "
+            "render.",
+        ),
+    ] = None,
+    complexity: Annotated[
+        str, typer.Option("--complexity", "-c", help="Subdivision of surfaces: low, medium, high or veryhigh.")
+    ] = "high",
+    render_settings: Annotated[
+        str | None,
+        typer.Option(
+            "--renderSettingsPrimPath",
+            "-rs",
+            metavar="PATH",
+            help="RenderSettings; default: those that the stage names, or the first.",
+        ),
+    ] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Refuse a stage of which something is missing, such as a texture.")
+    ] = False,
     png: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Write an sRGB view too.")] = None,
     aov: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help=f"Only these planes, repeatable: {', '.join(Aov)}; default: all."),
+        typer.Option(
+            metavar="NAME",
+            help=f"Only these planes, repeatable: {', '.join(Aov)}; default: as the stage's RenderVars say, or those "
+            "up to prim_id.",
+        ),
     ] = None,
     explain: Annotated[
         bool, typer.Option("--explain", help="Say what the kernel is built for and why, and render nothing.")
     ] = False,
 ) -> None:
-    """Render one image of a stage.
+    """Render a stage: one image, or one for each frame.
 
     \b
     Example:
       fgf render usd_scenes/stages/cloud_block.usda -o cloud.exr --imageWidth 480 --spp 64 --png cloud.png
+      fgf render shot.usd -o shot.####.exr --frames 101:124 --camera main_cam
     """  # noqa: D301
     from fgf_warp.output.atomic import check_writable  # noqa: PLC0415
-    from fgf_warp.output.color import write_png  # noqa: PLC0415
-    from fgf_warp.output.exr import write_exr  # noqa: PLC0415
     from generators.stage import load_scene  # noqa: PLC0415
+    from usd_scenes.reader import COMPLEXITIES, stages_kept_open  # noqa: PLC0415
 
     aovs = _choose_aovs(aov)
     _check_choice("--preset", preset, PRESETS)
     _check_choice("--sampler", sampler, Sampler)
-    files = [] if explain else _check_outputs(output, png)
-    base = load_scene(stage, camera=camera, frame=frame, purposes=purposes.split(","), width=width, height=height)
-    settings = RenderSettings(
-        width=base.width,
-        height=base.height,
-        spp=PRESETS[preset].spp if spp is None else spp,
-        seed=seed,
-        max_depth=PRESETS[preset].max_depth,
-        roulette_depth=PRESETS[preset].roulette_depth,
-        aovs=aovs,
-        sampler=Sampler(sampler),
-        device=device,
-        memory=memory,
-    )
-    if explain:
-        from fgf_warp.features import explain as explain_kernel  # noqa: PLC0415
+    _check_choice("--complexity", complexity, COMPLEXITIES)
+    times = _choose_frames(frames, default_time=default_time)
+    warned: set[str] = set()
 
-        _warn(base.warnings)
-        _print_reasons(explain_kernel(base.scene, settings))
-        return
-    for file in files:
-        check_writable(file)
-    _start_warp(device)
-    from fgf_warp.renderer import check_memory  # noqa: PLC0415 - starts Warp
+    def load(frame: Frame | None, product: str | None) -> tuple[Scene, RenderSettings]:
+        base = load_scene(
+            stage,
+            camera=camera,
+            frame=frame,
+            purposes=None if purposes is None else ["default", *purposes.split(",")],
+            complexity=complexity,
+            strict=strict,
+            render_settings=render_settings,
+            product=product,
+            width=width,
+            height=height,
+        )
+        settings = RenderSettings(
+            width=base.width,
+            height=base.height,
+            spp=PRESETS[preset].spp if spp is None else spp,
+            seed=seed,
+            max_depth=PRESETS[preset].max_depth,
+            roulette_depth=PRESETS[preset].roulette_depth,
+            aovs=next(planes for planes in (aovs, base.aovs, USUAL_AOVS) if planes is not None),
+            sampler=Sampler(sampler),
+            device=device,
+            memory=memory,
+        )
+        _warn([warning for warning in base.warnings if warning not in warned])
+        warned.update(base.warnings)
+        return base.scene, settings
 
-    check_memory(settings)
-    _warn(base.warnings)
+    with stages_kept_open():
+        if explain:
+            from fgf_warp.features import explain as explain_kernel  # noqa: PLC0415
 
-    from fgf_warp.renderer import prepare  # noqa: PLC0415
-    from fgf_warp.renderer import render as render_scene  # noqa: PLC0415
+            _print_reasons(explain_kernel(*load(times[0], None)))
+            return
+        from generators.pictures import plan_pictures  # noqa: PLC0415
 
-    with _progress(counted=False) as progress:
-        task = progress.add_task("building the kernel", total=None)
-        prepare(base.scene, settings)
-
-        def show(done: int, total: int) -> None:
-            progress.update(task, description="rendering", completed=done, total=total)
-
-        result = render_scene(base.scene, settings, show)
-    write_exr(files[0], result)
-    if png:
-        write_png(png, result)
-    _print_render(result, files)
+        pictures, warnings = plan_pictures(stage, times, output, png, render_settings)
+        for picture in pictures:
+            for file in picture.files:
+                check_writable(file)
+        _warn(warnings)
+        _start_warp(device)
+        for done, picture in enumerate(pictures):
+            try:
+                _render_picture(picture, *load(picture.frame, picture.product))
+            except KeyboardInterrupt:
+                _fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
 
 
 @app.command()
@@ -263,6 +316,9 @@ def validate(
 ) -> None:
     """Check a stage or a config and say what is in it.
 
+    Of a stage it tells everything that is wrong, by USD's own validators and by those of FGF-Warp, one line each. Where
+    there is an error, the exit code is 2.
+
     \b
     Example:
       fgf validate usd_scenes/stages/cloud_block.usda
@@ -275,11 +331,24 @@ def validate(
         _warn(warnings)
         return
     from generators.stage import load_scene  # noqa: PLC0415
+    from usd_scenes.validation import validate_stage  # noqa: PLC0415
 
-    base = load_scene(path)
-    typer.echo(f"{path}")
-    _print_scene(base.scene, base.width, base.height)
-    _warn(base.warnings)
+    findings = validate_stage(path)
+    for finding in findings:
+        typer.echo(finding)
+    counts = {kind: sum(finding.severity == kind for finding in findings) for kind in ("error", "warning")}
+    typer.echo(f"{path}: {_counted(counts['error'], 'error')}, {_counted(counts['warning'], 'warning')}")
+    try:
+        base = load_scene(path)
+    except FgfError:
+        if not counts["error"]:
+            raise
+        typer.echo("not accepted by the renderer")
+    else:
+        _print_scene(base.scene, base.width, base.height)
+        _warn(base.warnings)
+    if counts["error"]:
+        raise typer.Exit(EXIT_BAD_INPUT)
 
 
 @app.command()
@@ -435,28 +504,56 @@ def _warn(warnings: Sequence[str]) -> None:
         typer.echo(f"warning: {warning}", err=True)
 
 
-def _choose_aovs(names: list[str] | None) -> frozenset[Aov]:
+def _choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | None]:
+    """The times to render; None is where the stage starts."""
+    if spec is None:
+        return ["default" if default_time else None]
+    if default_time:
+        raise ConfigError("--defaultTime and --frames exclude each other; accepted: one of them")
+    from generators.pictures import parse_frames  # noqa: PLC0415
+
+    return parse_frames(spec)
+
+
+def _render_picture(picture: Picture, scene: Scene, settings: RenderSettings) -> None:
+    """Renders one image and writes its files, each whole or not at all."""
+    from fgf_warp.output.color import write_png  # noqa: PLC0415
+    from fgf_warp.output.exr import write_exr  # noqa: PLC0415
+    from fgf_warp.renderer import check_memory, prepare  # noqa: PLC0415 - starts Warp
+    from fgf_warp.renderer import render as render_scene  # noqa: PLC0415
+
+    check_memory(settings)
+    with _progress(counted=False) as progress:
+        task = progress.add_task("building the kernel", total=None)
+        prepare(scene, settings)
+
+        def show(done: int, total: int) -> None:
+            progress.update(task, description=f"rendering {picture.exr.name}", completed=done, total=total)
+
+        result = render_scene(scene, settings, show)
+    write_exr(picture.exr, result)
+    if picture.png:
+        write_png(picture.png, result)
+    _print_render(result, picture.files)
+
+
+def _choose_aovs(names: list[str] | None) -> frozenset[Aov] | None:
+    """None where nothing is asked for."""
     if not names:
-        return frozenset(Aov)
+        return None
     unknown = [name for name in names if name not in list(Aov)]
     if unknown:
         raise ConfigError(f"--aov {unknown[0]}: accepted: {', '.join(Aov)}")
     return frozenset(Aov(name) for name in names)
 
 
+def _counted(number: int, thing: str) -> str:
+    return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
 def _check_choice(option: str, value: str, accepted: Iterable[str]) -> None:
     if value not in list(accepted):
         raise ConfigError(f"{option} {value}: accepted: {', '.join(accepted)}")
-
-
-def _check_outputs(exr: Path | None, png: Path | None) -> list[Path]:
-    """The files to write, the EXR first."""
-    if exr is None:
-        raise ConfigError("--output (-o) is missing; accepted: the name of the EXR, or --explain, which writes none")
-    for path, suffix in ((exr, ".exr"), (png, ".png")):
-        if path is not None and path.suffix.lower() != suffix:
-            raise ConfigError(f"{path}: accepted: a file name that ends in {suffix}")
-    return [exr, *([png] if png else [])]
 
 
 def _start_warp(device: str) -> None:

@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from fgf_warp.errors import ConfigError, SceneError
 from fgf_warp.scene import Camera, Scene
+from fgf_warp.settings import Aov
 
 DEFAULT_WIDTH = 960
 """[pixel], of a stage without a resolution; as of usdrecord."""
-DEFAULT_PURPOSES = ("default", "render")
+RADIANCE_SOURCES = frozenset({"alpha", "beauty", "c", "ci", "color", "radiance", "rgb", "rgba"})
+"""Names that render vars have for what is in every image."""
+AOV_SOURCES = {
+    "cameradepth": "depth",
+    "lineardepth": "depth",
+    "z": "depth",
+    "n": "normal",
+    "nn": "normal",
+    "nworld": "normal",
+    "normals": "normal",
+    "diffusealbedo": "albedo",
+    "motionvector": "motion",
+    "motionvectors": "motion",
+    "samplecount": "samples",
+}
+"""Names that render vars have for planes, beside the planes' own, in lower case and without underscores."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,20 +40,26 @@ class BaseScene:
         width: of its images [pixel].
         height: of its images [pixel].
         warnings: what was left out of the stage or is unusual in it.
+        aovs: the planes that the stage asks for; None where it does not say.
     """
 
     scene: Scene
     width: int
     height: int
     warnings: tuple[str, ...]
+    aovs: frozenset[Aov] | None = None
 
 
 def load_scene(
     path: Path,
     *,
     camera: str | None = None,
-    frame: float | None = None,
-    purposes: Sequence[str] = DEFAULT_PURPOSES,
+    frame: float | Literal["default"] | None = None,
+    purposes: Sequence[str] | None = None,
+    complexity: str = "high",
+    strict: bool = False,
+    render_settings: str | None = None,
+    product: str | None = None,
     width: int | None = None,
     height: int | None = None,
 ) -> BaseScene:
@@ -46,8 +69,12 @@ def load_scene(
         path: of the stage.
         camera: prim path or name; None takes the render settings', else the first (with a warning where there are
             several), else a view from the front.
-        frame: time code; None takes the stage's startTimeCode, else each attribute's earliest sample.
-        purposes: of the geometry to include.
+        frame: time code, or ``default``; None takes the stage's startTimeCode, else each attribute's earliest sample.
+        purposes: of the geometry to include; None takes the render settings', else ``default`` and ``render``.
+        complexity: how far surfaces are subdivided, ``low``, ``medium``, ``high`` or ``veryhigh``.
+        strict: True where what is missing is an error instead of a warning.
+        render_settings: prim path; None takes those that the stage names, else the first.
+        product: prim path of the RenderProduct; None takes the settings' first.
         width: [pixel]; see `image_size`.
         height: [pixel].
 
@@ -55,13 +82,43 @@ def load_scene(
         SceneError: for a missing, broken or unsuitable stage.
         UnsupportedFeatureError: for one that asks for more than the renderer does.
     """
-    if not path.is_file():
-        raise SceneError(f"{path}: there is no such stage")
+    check_stage(path)
     from usd_scenes.reader import read_scene  # noqa: PLC0415 - USD is slow to import
 
-    reading = read_scene(path, camera=camera, frame=frame, purposes=tuple(purposes))
+    reading = read_scene(
+        path,
+        camera=camera,
+        frame=frame,
+        purposes=purposes,
+        complexity=complexity,
+        strict=strict,
+        render_settings=render_settings,
+        product=product,
+    )
     size = image_size(reading.scene.camera, reading.resolution, width, height)
-    return BaseScene(reading.scene, *size, tuple(reading.warnings))
+    aovs, unknown = (None, []) if reading.sources is None else planes_of(reading.sources)
+    accepted = ", ".join(["color", *Aov])
+    warnings = [f"render var of sourceName {name} is not known and left out; accepted: {accepted}" for name in unknown]
+    return BaseScene(reading.scene, *size, (*reading.warnings, *warnings), aovs)
+
+
+def check_stage(path: Path) -> None:
+    """Checks that there is a file.
+
+    Raises:
+        SceneError: where there is none.
+    """
+    if not path.is_file():
+        raise SceneError(f"{path}: there is no such stage")
+
+
+def planes_of(sources: Iterable[str]) -> tuple[frozenset[Aov], list[str]]:
+    """The planes that render vars stand for, and the sourceNames that stand for none."""
+    of_name = {aov.replace("_", ""): aov for aov in Aov}
+    of_name |= {name: of_name[plane] for name, plane in AOV_SOURCES.items() if plane in of_name}
+    plain = {source: source.lower().replace("_", "") for source in sources}
+    unknown = [source for source, name in plain.items() if name not in of_name and name not in RADIANCE_SOURCES]
+    return frozenset(of_name[name] for name in plain.values() if name in of_name), unknown
 
 
 def image_size(
@@ -80,7 +137,7 @@ def image_size(
             raise ConfigError(f"image {name} = {size}; accepted: an integer >= 1")
     if width is not None and height is not None:
         return width, height
-    aspect = resolution[0] / resolution[1] if resolution else camera.aspect_ratio
+    aspect = resolution[0] / resolution[1] if resolution else camera.aspect_ratio / camera.pixel_aspect_ratio
     if height is not None:
         return max(1, round(height * aspect)), height
     if width is None and resolution is not None:

@@ -66,7 +66,7 @@ ALLOWED = {
 
 ONLY_IN = {
     "pxr": ("usd_scenes",),
-    "OpenImageIO": ("fgf_warp.output",),
+    "OpenImageIO": ("fgf_warp.output", "usd_scenes.reader.images"),
     "colour": ("fgf_warp.output",),
     "warp": (
         "fgf_warp.device",

@@ -1,4 +1,4 @@
-"""Writes fractional Gaussian field media into a stage."""
+"""Writes fractional Gaussian field media into a stage, for this renderer and in the words of others."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import Literal
 
+import numpy as np
 from pxr import Gf, Sdf, Usd, UsdShade
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import WHITE, LineVariance, Medium, PhaseFunction, Rgb, Transport
 from usd_scenes import schema
+from usd_scenes.reader.context import StageContext
+from usd_scenes.reader.medium import read_medium
 
 Boundary = Literal["none", "surface"]
 
@@ -56,7 +59,8 @@ def author_fgf_medium(
         extinction_color: multiplies `mean_extinction` per channel, >= 0.
         transport: None chooses reciprocal where H >= -1/2 and renewal below.
         line_variance: of fractional Brownian motion, ``asymptotic`` for segments far below L, or ``exact``.
-        boundary: ``none`` lets light through unchanged, ``surface`` keeps the material's UsdPreviewSurface.
+        boundary: ``none`` lets light through unchanged, ``surface`` keeps the material's UsdPreviewSurface, which
+            should be transparent: an opaque one hides the medium.
         priority: of nested media, the one with the highest priority fills the space.
 
     Raises:
@@ -98,6 +102,61 @@ def author_fgf_medium(
             if field.name != "name" and value is not None:
                 prim.GetAttribute(schema.MEDIUM_ATTRIBUTES[field.name]).Set(_as_usd(value))
         prim.GetAttribute(schema.BOUNDARY_ATTRIBUTE).Set(boundary)
+
+
+def author_interchange(material: Usd.Prim | UsdShade.Material) -> None:
+    """Completes the network of a material that has a medium, for tools and renderers that do not know FgfMediumAPI.
+
+    Two terminals are authored, neither of which is read here, since FgfMediumAPI is what says what the medium is:
+
+    - ``outputs:fgf:volume``, a Shader ``FgfMedium`` whose inputs are connected to the material's ``inputs:fgf:*``, so
+      that the medium is a part of the network to all that walk it.
+    - ``outputs:volume``, MaterialX's ``volume`` of an ``anisotropic_vdf``: the classical exponential medium of the same
+      mean extinction, albedo and mean cosine, at the values that the medium has now.
+
+    Args:
+        material: with FgfMediumAPI applied.
+
+    Raises:
+        SceneError: for a prim without a medium, or a value out of its range; nothing is then authored.
+    """
+    schema.register()
+    prim = material.GetPrim()
+    if schema.SCHEMA_NAME not in prim.GetAppliedSchemas():
+        raise SceneError(f"{prim.GetPath()}: {schema.SCHEMA_NAME} is not applied; author a medium first")
+    context = StageContext(stage=prim.GetStage(), time=Usd.TimeCode.Default(), purposes=frozenset())
+    medium = read_medium(prim, context)
+    material = UsdShade.Material(prim)
+    _author_fgf_terminal(material)
+    _author_classical_terminal(material, medium)
+
+
+def _author_fgf_terminal(material: UsdShade.Material) -> None:
+    shader = _define_shader(material, schema.SHADER_NAME, schema.SHADER_NAME)
+    for attribute in material.GetPrim().GetAuthoredPropertiesInNamespace("inputs:fgf"):
+        name = attribute.GetName().removeprefix("inputs:fgf:")
+        shader.CreateInput(name, attribute.GetTypeName()).ConnectToSource(UsdShade.Input(attribute))
+    output = shader.CreateOutput("volume", Sdf.ValueTypeNames.Token)
+    material.CreateVolumeOutput("fgf").ConnectToSource(output)
+
+
+def _author_classical_terminal(material: UsdShade.Material, medium: Medium) -> None:
+    extinction = medium.mean_extinction * np.array(medium.extinction_color)
+    albedo = np.array(medium.albedo)
+    function = _define_shader(material, "ClassicalPhase", "ND_anisotropic_vdf")
+    for name, color in (("absorption", extinction * (1 - albedo)), ("scattering", extinction * albedo)):
+        function.CreateInput(name, Sdf.ValueTypeNames.Vector3f).Set(Gf.Vec3f(*map(float, color)))
+    function.CreateInput("anisotropy", Sdf.ValueTypeNames.Float).Set(medium.mean_cosine)
+    volume = _define_shader(material, "ClassicalVolume", "ND_volume")
+    distribution = function.CreateOutput("out", Sdf.ValueTypeNames.Token)
+    volume.CreateInput("vdf", Sdf.ValueTypeNames.Token).ConnectToSource(distribution)
+    material.CreateVolumeOutput().ConnectToSource(volume.CreateOutput("out", Sdf.ValueTypeNames.Token))
+
+
+def _define_shader(material: UsdShade.Material, name: str, kind: str) -> UsdShade.Shader:
+    shader = UsdShade.Shader.Define(material.GetPrim().GetStage(), material.GetPath().AppendChild(name))
+    shader.CreateIdAttr(kind)
+    return shader
 
 
 def _rgb(color: Sequence[float]) -> Rgb:

@@ -16,10 +16,12 @@ from fgf_warp.device.phase import Phase
 
 LANES = wp.constant(128)
 
-FIRST_AOVS = frozenset({"depth", "transmittance", "albedo"})
+FIRST_AOVS = frozenset({"depth", "transmittance", "albedo", "optical_depth"})
 """Planes of what a path meets first."""
-SUMMED_AOVS = ("collisions", "path_length")
-"""Planes of sums along a path."""
+SUMMED_AOVS = ("collisions", "path_length", "normal", "motion", "optical_depth")
+"""Planes of vectors that a path carries and a pixel sums, each by itself."""
+SPLIT_AOVS = frozenset({"direct", "indirect"})
+PRIM_AOVS = frozenset({"prim_id", "instance_id"})
 
 
 @wp.struct
@@ -76,6 +78,15 @@ class Path:
     """In media so far, each weighted by the throughput before it."""
     path_length: wp.vec3
     """In media so far, weighted alike."""
+    first_normal: wp.vec3
+    first_motion: wp.vec3
+    first_optical_depth: wp.vec3
+    seen: float
+    """Distance of the prim that is met first, INFINITE before; and which it is."""
+    prim: int
+    instance: int
+    direct: wp.vec3
+    """The part of `radiance` that came before a second scattering event."""
 
     xi: wp.vec4
     """Of this event: flight, roulette, and two for the new direction."""
@@ -123,6 +134,8 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"shift_x": 1, "shift_y": 1}
     if features.media:
         sizes |= {"inside": 1}
+    if features.motion:
+        sizes |= {"time": 1}
     if features.lone_solid:
         sizes |= {"t_in": 1, "t_out": 1}
     if features.crossings:
@@ -135,8 +148,6 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"face": 1, "u": 1, "v": 1}
     if features.passes:
         sizes |= {"passed": 1}
-    if features.motion:
-        sizes |= {"time": 1}
     if features.lone_law == "":
         sizes |= {"segment": 1, "keeps": 1} | dict.fromkeys(features.phase_parameters, 1)
     if features.surfaces or features.connections:
@@ -144,7 +155,7 @@ def slots(features: Any) -> dict[str, int]:
     if features.surfaces or features.lone_law == "":
         sizes |= {"albedo": 3}
     if features.surfaces:
-        sizes |= {"normal": 3}
+        sizes |= {"hit_normal": 3}
     if features.connections:
         sizes |= {"pdf_direction": 1, "scatters": 1, "wi": 3}
     if features.connects_in_lanes:
@@ -167,8 +178,17 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"rates": 3 if features.chromatic else 1}
     if features.aovs & FIRST_AOVS:
         sizes |= {"first_depth": 1, "first_transmittance": 3, "first_albedo": 3, "has_met_medium": 1}
-    sizes |= {name: 3 for name in SUMMED_AOVS if name in features.aovs}
-    return rows_of(sizes)
+    return rows_of(sizes | own_sizes(features))
+
+
+def own_sizes(features: Any) -> dict[str, int]:
+    """Numbers that both paths and tallies have for the planes that share none."""
+    sizes = {name: 3 for name in SUMMED_AOVS if name in features.aovs}
+    if features.aovs & SPLIT_AOVS:
+        sizes |= {"direct": 3}
+    if features.aovs & PRIM_AOVS:
+        sizes |= {"seen": 1, "prim": 1, "instance": 1}
+    return sizes
 
 
 def tally_slots(features: Any) -> dict[str, int]:
@@ -176,8 +196,9 @@ def tally_slots(features: Any) -> dict[str, int]:
     sizes = {"radiance": 3, "radiance_sq": 3, "alpha": 1, "invalid": 1, "truncated": 1}
     if features.aovs & FIRST_AOVS:
         sizes |= {"depth": 1, "transmittance": 3, "albedo": 3}
-    sizes |= {name: 3 for name in SUMMED_AOVS if name in features.aovs}
-    return rows_of(sizes)
+    if "scatterings" in features.aovs:
+        sizes |= {"scatterings": 1}
+    return rows_of(sizes | own_sizes(features))
 
 
 def rows_of(sizes: dict[str, int]) -> dict[str, int]:
@@ -275,6 +296,20 @@ def build_tallies(features: Any) -> tuple[Any, Any]:
             tally.collisions = get3d(sums, wp.static(at["collisions"]), i)
         if wp.static("path_length" in at):
             tally.path_length = get3d(sums, wp.static(at["path_length"]), i)
+        if wp.static("normal" in at):
+            tally.normal = get3d(sums, wp.static(at["normal"]), i)
+        if wp.static("motion" in at):
+            tally.motion = get3d(sums, wp.static(at["motion"]), i)
+        if wp.static("optical_depth" in at):
+            tally.optical_depth = get3d(sums, wp.static(at["optical_depth"]), i)
+        if wp.static("direct" in at):
+            tally.direct = get3d(sums, wp.static(at["direct"]), i)
+        if wp.static("scatterings" in at):
+            tally.scatterings = sums[wp.static(at["scatterings"]) * LANES + i]
+        if wp.static("seen" in at):
+            tally.seen = float(sums[wp.static(at["seen"]) * LANES + i])
+            tally.prim = int(sums[wp.static(at["prim"]) * LANES + i])
+            tally.instance = int(sums[wp.static(at["instance"]) * LANES + i])
         return tally
 
     @wp.func(inline=True)
@@ -292,6 +327,20 @@ def build_tallies(features: Any) -> tuple[Any, Any]:
             put3d(sums, wp.static(at["collisions"]), i, tally.collisions)
         if wp.static("path_length" in at):
             put3d(sums, wp.static(at["path_length"]), i, tally.path_length)
+        if wp.static("normal" in at):
+            put3d(sums, wp.static(at["normal"]), i, tally.normal)
+        if wp.static("motion" in at):
+            put3d(sums, wp.static(at["motion"]), i, tally.motion)
+        if wp.static("optical_depth" in at):
+            put3d(sums, wp.static(at["optical_depth"]), i, tally.optical_depth)
+        if wp.static("direct" in at):
+            put3d(sums, wp.static(at["direct"]), i, tally.direct)
+        if wp.static("scatterings" in at):
+            sums[wp.static(at["scatterings"]) * LANES + i] = tally.scatterings
+        if wp.static("seen" in at):
+            sums[wp.static(at["seen"]) * LANES + i] = wp.float64(tally.seen)
+            sums[wp.static(at["prim"]) * LANES + i] = wp.float64(tally.prim)
+            sums[wp.static(at["instance"]) * LANES + i] = wp.float64(tally.instance)
 
     return load_tally, store_tally
 
@@ -329,6 +378,8 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.shift_y = get_int(lanes, wp.static(at["shift_y"]), i)
         if wp.static("inside" in at):
             path.start.inside = wp.uint32(get_int(lanes, wp.static(at["inside"]), i))
+        if wp.static("time" in at):
+            path.start.time = get(lanes, wp.static(at["time"]), i)
         if wp.static("t_in" in at):
             path.t_in = get(lanes, wp.static(at["t_in"]), i)
             path.t_out = get(lanes, wp.static(at["t_out"]), i)
@@ -348,8 +399,6 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.hit.v = get(lanes, wp.static(at["v"]), i)
         if wp.static("passed" in at):
             path.start.passed = get(lanes, wp.static(at["passed"]), i)
-        if wp.static("time" in at):
-            path.start.time = get(lanes, wp.static(at["time"]), i)
         if wp.static("segment" in at):
             path.segment = get(lanes, wp.static(at["segment"]), i)
             path.keeps = get_int(lanes, wp.static(at["keeps"]), i)
@@ -364,8 +413,8 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.met = get3(lanes, wp.static(at["met"]), i)
         if wp.static("albedo" in at):
             path.albedo = get3(lanes, wp.static(at["albedo"]), i)
-        if wp.static("normal" in at):
-            path.hit.normal = get3(lanes, wp.static(at["normal"]), i)
+        if wp.static("hit_normal" in at):
+            path.hit.normal = get3(lanes, wp.static(at["hit_normal"]), i)
         if wp.static("pdf_direction" in at):
             path.pdf_direction = get(lanes, wp.static(at["pdf_direction"]), i)
             path.wi = get3(lanes, wp.static(at["wi"]), i)
@@ -404,6 +453,18 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.collisions = get3(lanes, wp.static(at["collisions"]), i)
         if wp.static("path_length" in at):
             path.path_length = get3(lanes, wp.static(at["path_length"]), i)
+        if wp.static("normal" in at):
+            path.first_normal = get3(lanes, wp.static(at["normal"]), i)
+        if wp.static("motion" in at):
+            path.first_motion = get3(lanes, wp.static(at["motion"]), i)
+        if wp.static("optical_depth" in at):
+            path.first_optical_depth = get3(lanes, wp.static(at["optical_depth"]), i)
+        if wp.static("direct" in at):
+            path.direct = get3(lanes, wp.static(at["direct"]), i)
+        if wp.static("seen" in at):
+            path.seen = get(lanes, wp.static(at["seen"]), i)
+            path.prim = get_int(lanes, wp.static(at["prim"]), i)
+            path.instance = get_int(lanes, wp.static(at["instance"]), i)
         return path
 
     @wp.func(inline=True)
@@ -436,6 +497,8 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put_int(lanes, wp.static(at["shift_y"]), i, path.shift_y)
         if wp.static("inside" in at):
             put_int(lanes, wp.static(at["inside"]), i, wp.int32(path.start.inside))
+        if wp.static("time" in at):
+            put(lanes, wp.static(at["time"]), i, path.start.time)
         if wp.static("t_in" in at):
             put(lanes, wp.static(at["t_in"]), i, path.t_in)
             put(lanes, wp.static(at["t_out"]), i, path.t_out)
@@ -454,8 +517,6 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put(lanes, wp.static(at["v"]), i, path.hit.v)
         if wp.static("passed" in at):
             put(lanes, wp.static(at["passed"]), i, path.start.passed)
-        if wp.static("time" in at):
-            put(lanes, wp.static(at["time"]), i, path.start.time)
         if wp.static("segment" in at):
             put(lanes, wp.static(at["segment"]), i, path.segment)
             put_int(lanes, wp.static(at["keeps"]), i, path.keeps)
@@ -470,8 +531,8 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put3(lanes, wp.static(at["met"]), i, path.met)
         if wp.static("albedo" in at):
             put3(lanes, wp.static(at["albedo"]), i, path.albedo)
-        if wp.static("normal" in at):
-            put3(lanes, wp.static(at["normal"]), i, path.hit.normal)
+        if wp.static("hit_normal" in at):
+            put3(lanes, wp.static(at["hit_normal"]), i, path.hit.normal)
         if wp.static("pdf_direction" in at):
             put(lanes, wp.static(at["pdf_direction"]), i, path.pdf_direction)
             put3(lanes, wp.static(at["wi"]), i, path.wi)
@@ -510,5 +571,17 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put3(lanes, wp.static(at["collisions"]), i, path.collisions)
         if wp.static("path_length" in at):
             put3(lanes, wp.static(at["path_length"]), i, path.path_length)
+        if wp.static("normal" in at):
+            put3(lanes, wp.static(at["normal"]), i, path.first_normal)
+        if wp.static("motion" in at):
+            put3(lanes, wp.static(at["motion"]), i, path.first_motion)
+        if wp.static("optical_depth" in at):
+            put3(lanes, wp.static(at["optical_depth"]), i, path.first_optical_depth)
+        if wp.static("direct" in at):
+            put3(lanes, wp.static(at["direct"]), i, path.direct)
+        if wp.static("seen" in at):
+            put(lanes, wp.static(at["seen"]), i, path.seen)
+            put_int(lanes, wp.static(at["prim"]), i, path.prim)
+            put_int(lanes, wp.static(at["instance"]), i, path.instance)
 
     return load, store

@@ -38,8 +38,8 @@ EVENT = wp.constant(1)
 CONNECTION = wp.constant(2)
 """Purpose: which light, and where on it."""
 WHOLE_PATH = wp.constant(3)
-"""Purpose: which channel's flights a path takes, its time, and, for each medium at a bounce of its own, whether and at
-which rate the path is frozen there."""
+"""Purpose: at bounce 0 which channel's flights a path takes, its time, and the two numbers of its place on the lens;
+and, for each medium at a bounce of its own, whether and at which rate the path is frozen there."""
 PURPOSES = wp.constant(4)
 
 

@@ -1,1 +1,1 @@
-"""Image files. The only package that imports OpenImageIO and colour-science."""
+"""Image files that are written. Beside the reader of textures, the only place that imports OpenImageIO."""

@@ -142,6 +142,7 @@ def _box() -> Usd.Stage:
     shader = UsdShade.Shader.Define(stage, "/World/Looks/Paint/Shader")
     shader.CreateIdAttr("UsdPreviewSurface")
     shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(0.7, 0.5, 0.3))
+    shader.CreateInput("ior", Sdf.ValueTypeNames.Float).Set(1.0)  # Reflects nothing: matte.
     paint.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
     UsdShade.MaterialBindingAPI.Apply(floor.GetPrim()).Bind(paint)
 

@@ -70,6 +70,7 @@ def read_color(
     time: Usd.TimeCode,
     default: Rgb | None = None,
     accepted: str = "three finite numbers",
+    holds: Callable[[float], bool] = lambda x: True,
 ) -> Rgb:
     """A linear Rec.709 color.
 
@@ -77,22 +78,48 @@ def read_color(
         attribute: may be undefined if there is a `default`.
         time: where it is sampled.
         default: taken where the attribute has no value.
-        accepted: for the message.
+        accepted: the range that `holds` tests, in words.
+        holds: tests a finite number.
 
     Raises:
-        SceneError: for no value and no default, or a value that is not three finite numbers.
+        SceneError: for no value and no default, or a value that is not three finite numbers that are accepted.
+    """
+    r, g, b = read_vector(attribute, time, 3, default, accepted, holds)
+    return r, g, b
+
+
+def read_vector(
+    attribute: Usd.Attribute,
+    time: Usd.TimeCode,
+    size: int,
+    default: tuple[float, ...] | None = None,
+    accepted: str | None = None,
+    holds: Callable[[float], bool] = lambda x: True,
+) -> tuple[float, ...]:
+    """Some numbers, as those of a point or a color.
+
+    Args:
+        attribute: may be undefined if there is a `default`.
+        time: where it is sampled.
+        size: how many.
+        default: taken where the attribute has no value.
+        accepted: the range that `holds` tests, in words.
+        holds: tests a finite number.
+
+    Raises:
+        SceneError: for no value and no default, or a value that is not so many finite numbers that are accepted.
     """
     value = attribute.Get(time) if attribute else None
     if value is None and default is not None:
         return default
+    accepted = accepted or f"{size} finite numbers"
     try:
-        channels = np.asarray(value, dtype=np.float64)
+        numbers = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise _refusal(attribute, value, accepted) from None
-    if channels.shape != (3,) or not np.isfinite(channels).all():
+    if numbers.shape != (size,) or not (np.isfinite(numbers).all() and all(map(holds, numbers))):
         raise _refusal(attribute, value, accepted)
-    r, g, b = (_as_written(float(channel)) for channel in channels)
-    return r, g, b
+    return tuple(_as_written(float(number)) for number in numbers)
 
 
 def read_array(attribute: Usd.Attribute, time: Usd.TimeCode, dtype: type, width: int = 1) -> np.ndarray:
@@ -108,15 +135,18 @@ def read_array(attribute: Usd.Attribute, time: Usd.TimeCode, dtype: type, width:
         (n,) for `width` 1, else (n, width).
 
     Raises:
-        SceneError: for a value that is no such array.
+        SceneError: for a value that is no such array, or numbers that are not finite.
     """
     value = attribute.Get(time)
     try:
         array: np.ndarray = np.array([] if value is None else value, dtype=dtype)
-        return array.reshape(-1, width) if width > 1 else array.reshape(len(array))
+        array = array.reshape(-1, width) if width > 1 else array.reshape(len(array))
     except (TypeError, ValueError):
         kind = "numbers" if width == 1 else f"entries of {width} numbers"
         raise SceneError(f"{attribute.GetPath()} is no array; accepted: an array of {kind}") from None
+    if not np.isfinite(array).all():
+        raise SceneError(f"{attribute.GetPath()} holds numbers that are not finite; accepted: finite numbers")
+    return array
 
 
 def read_token(attribute: Usd.Attribute, time: Usd.TimeCode, accepted: tuple[str, ...]) -> str | None:

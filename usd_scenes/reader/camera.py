@@ -1,23 +1,24 @@
-"""UsdGeom.Camera: which camera to take, and its film and lens."""
+"""UsdGeom.Camera: which camera to take, its film, lens and shutter."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from fgf_warp.errors import SceneError, UnsupportedFeatureError
-from fgf_warp.scene import Camera, Shape
-from usd_scenes.reader.attributes import is_authored, read_number
+from fgf_warp.errors import SceneError
+from fgf_warp.scene import FLOAT32_MAX, PROJECTIONS, Camera, Shape
+from usd_scenes.reader.attributes import is_authored, read_array, read_number, read_token
 from usd_scenes.reader.bounds import scene_bounds
 from usd_scenes.reader.context import StageContext
+from usd_scenes.reader.settings import Product
 
 DEFAULT_CAMERA = "default camera"
 DEFAULT_ELEVATION = math.radians(15)
 """Of the default view above the horizon."""
-NOT_READ = ("clippingRange", "clippingPlanes", "exposure", "shutter:open", "shutter:close")
 
 
 def choose_camera(context: StageContext, asked: str | None, from_settings: str | None) -> Usd.Prim | None:
@@ -41,26 +42,65 @@ def choose_camera(context: StageContext, asked: str | None, from_settings: str |
     return cameras[0] if cameras else None
 
 
-def read_camera(prim: Usd.Prim, context: StageContext) -> Camera:
-    """A perspective camera.
+def read_shutter(prim: Usd.Prim, context: StageContext) -> tuple[Usd.TimeCode, Usd.TimeCode] | None:
+    """When a camera's shutter opens and closes; None where it takes its picture in an instant.
+
+    USD has these times relative to the frame. Where there is no frame, as at the default time or where the stage has
+    no start, the shutter is left shut, with a warning.
 
     Raises:
-        SceneError: for a film or lens without extent.
-        UnsupportedFeatureError: for an orthographic camera.
+        SceneError: for a shutter that closes before it opens.
+    """
+    camera, time = UsdGeom.Camera(prim), context.time
+    opening = read_number(camera.GetShutterOpenAttr(), time)
+    attribute = camera.GetShutterCloseAttr()
+    closing = read_number(attribute, time, accepted=f">= shutter:open = {opening:g}", holds=lambda x: x >= opening)
+    if opening == closing:
+        return None
+    if time.IsDefault() or time.IsEarliestTime():
+        context.notes.add("no frame is chosen for the shutter to open at: nothing moves", prim.GetPath())
+        return None
+    return Usd.TimeCode(time.GetValue() + opening), Usd.TimeCode(time.GetValue() + closing)
+
+
+def read_camera(prim: Usd.Prim, context: StageContext) -> Camera:
+    """A camera.
+
+    Its clipping range is in force where it is authored: USD's fallback begins at one stage unit from the camera,
+    which would cut what a scene in metres has in front.
+
+    Raises:
+        SceneError: for a film or lens without extent, a lens that is focused at no distance, or a range without extent.
     """
     camera = UsdGeom.Camera(prim)
-    path, time = prim.GetPath(), context.time
-    if camera.GetProjectionAttr().Get(time) == UsdGeom.Tokens.orthographic:
-        raise UnsupportedFeatureError(f"{path}.projection = orthographic; accepted: perspective")
+    time = context.time
+    projection = read_token(camera.GetProjectionAttr(), time, PROJECTIONS)
+    f_stop, focus_distance = _focus(camera, time)
     _note_what_is_not_read(camera, context)
     return Camera(
-        name=str(path),
+        name=str(prim.GetPath()),
         camera_to_world=context.local_to_world(prim),
         focal_length=_positive(camera.GetFocalLengthAttr(), time),
         horizontal_aperture=_positive(camera.GetHorizontalApertureAttr(), time),
         vertical_aperture=_positive(camera.GetVerticalApertureAttr(), time),
         horizontal_offset=read_number(camera.GetHorizontalApertureOffsetAttr(), time),
         vertical_offset=read_number(camera.GetVerticalApertureOffsetAttr(), time),
+        projection="orthographic" if projection == "orthographic" else "perspective",
+        f_stop=f_stop,
+        focus_distance=focus_distance,
+        clipping_range=_clipping_range(camera.GetClippingRangeAttr(), time),
+        exposure_scale=_exposure_scale(camera, time),
+        closing=context.closing_to_world(prim),
+    )
+
+
+def as_asked(camera: Camera, product: Product) -> Camera:
+    """A camera with what an image's settings say of its lens and film."""
+    return replace(
+        camera,
+        f_stop=camera.f_stop if product.has_depth_of_field else 0.0,
+        conform_policy=product.conform_policy,
+        pixel_aspect_ratio=product.pixel_aspect_ratio,
     )
 
 
@@ -108,11 +148,37 @@ def _positive(attribute: Usd.Attribute, time: Usd.TimeCode) -> float:
     return read_number(attribute, time, accepted="> 0", holds=lambda x: x > 0)
 
 
+def _focus(camera: UsdGeom.Camera, time: Usd.TimeCode) -> tuple[float, float]:
+    """The f-number, and the distance of what is sharp [stage unit]."""
+    f_stop = read_number(camera.GetFStopAttr(), time, accepted=">= 0", holds=lambda x: x >= 0)
+    accepted = f"> 0 with fStop = {f_stop:g}; a pinhole has fStop = 0" if f_stop > 0 else ">= 0"
+    distance = read_number(
+        camera.GetFocusDistanceAttr(), time, accepted=accepted, holds=lambda x: x > 0 or x == f_stop == 0
+    )
+    return f_stop, distance
+
+
+def _clipping_range(attribute: Usd.Attribute, time: Usd.TimeCode) -> tuple[float, float]:
+    if not is_authored(attribute):
+        return 0.0, math.inf
+    limits = read_array(attribute, time, np.float64)
+    if len(limits) != 2 or not 0 <= limits[0] < limits[1]:
+        shown = ", ".join(f"{limit:g}" for limit in limits)
+        raise SceneError(f"{attribute.GetPath()} = ({shown}); accepted: two numbers, 0 <= near < far")
+    return float(limits[0]), float(limits[1])
+
+
+def _exposure_scale(camera: UsdGeom.Camera, time: Usd.TimeCode) -> float:
+    """What UsdGeom.Camera's exposure, time, iso, fStop and responsivity come to."""
+    scale = float(camera.ComputeLinearExposureScale(time))
+    if not 0 < scale <= FLOAT32_MAX:
+        raise SceneError(
+            f"{camera.GetPath()}: exposure, exposure:time, exposure:iso, exposure:fStop and exposure:responsivity come "
+            f"to a scale of {scale:g}; accepted: finite and > 0"
+        )
+    return scale
+
+
 def _note_what_is_not_read(camera: UsdGeom.Camera, context: StageContext) -> None:
-    prim = camera.GetPrim()
-    ignored = [name for name in NOT_READ if is_authored(prim.GetAttribute(name))]
-    if read_number(camera.GetFStopAttr(), context.time) > 0:
-        ignored.append("fStop")
-    if ignored:
-        text = f"the camera is a pinhole without clipping and makes no use of {', '.join(ignored)}"
-        context.notes.add(text, prim.GetPath())
+    if camera.GetClippingPlanesAttr().Get(context.time):
+        context.notes.add("clippingPlanes of a camera are not supported and are ignored", camera.GetPath())

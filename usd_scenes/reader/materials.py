@@ -1,34 +1,21 @@
-"""UsdShade.Material: what the boundary of a shape does to light, and what fills the shape."""
+"""UsdShade.Material: which one a shape has, what its boundary does to light, and what fills it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from pxr import Usd, UsdGeom, UsdShade
+from pxr import Usd, UsdShade
 
-from fgf_warp.errors import SceneError
-from fgf_warp.scene import Medium, Rgb, Surface
-from usd_scenes.reader.attributes import is_authored, plain_source, read_array, read_color
+from fgf_warp.scene import Medium, Surface
+from usd_scenes.reader import preview_surface
 from usd_scenes.reader.context import StageContext
+from usd_scenes.reader.display import display_surface
 from usd_scenes.reader.medium import ends_in_surface, has_medium, read_medium
+from usd_scenes.reader.preview_surface import read_preview_surface
+from usd_scenes.schema import SCHEMA_NAME
 
-PREVIEW_DIFFUSE: Rgb = (0.18, 0.18, 0.18)
-PREVIEW_EMISSIVE: Rgb = (0.0, 0.0, 0.0)
-PREVIEW_FALLBACKS: dict[str, float | Rgb] = {
-    "clearcoat": 0.0,
-    "displacement": 0.0,
-    "ior": 1.5,
-    "metallic": 0.0,
-    "normal": (0.0, 0.0, 1.0),
-    "occlusion": 1.0,
-    "opacity": 1.0,
-    "opacityThreshold": 0.0,
-    "roughness": 0.5,
-    "specularColor": (0.0, 0.0, 0.0),
-    "useSpecularWorkflow": 0,
-}
-"""Inputs of UsdPreviewSurface that are not rendered, and the values at which that needs no warning."""
+RENDER_CONTEXT = "fgf"
+"""Terminals of this name are meant for this renderer and stand before the universal ones."""
 
 
 @dataclass(frozen=True)
@@ -71,23 +58,29 @@ class MaterialReader:
         return tuple(self._media)
 
     def look_of(self, prim: Usd.Prim) -> Look:
-        """The look of a geometry prim: its bound material's, else its display color.
+        """The look of a geometry prim or a GeomSubset: its bound material's, else its display color.
+
+        Bindings are those for the purpose ``full``, else for all purposes, direct ones and those of collections, on
+        the prim or above it, as UsdShade.MaterialBindingAPI resolves them.
 
         Raises:
-            SceneError: for a value out of its range.
+            SceneError: for a value out of its range, or a missing one where the stage is read strictly.
         """
         material = self._bound_material(prim)
         if material is None:
-            return Look(surface=self._display_surface(prim), medium=None)
+            return Look(surface=display_surface(prim, self._context), medium=None)
         reading = self._reading_of(material)
         if reading.is_open:
             return Look(surface=None, medium=reading.medium)
-        return Look(surface=reading.surface or self._display_surface(prim), medium=reading.medium)
+        return Look(surface=reading.surface or display_surface(prim, self._context), medium=reading.medium)
 
     def _bound_material(self, prim: Usd.Prim) -> UsdShade.Material | None:
-        material, binding = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(UsdShade.Tokens.full)
+        bindings = UsdShade.MaterialBindingAPI(prim)
+        material, binding = bindings.ComputeBoundMaterial(UsdShade.Tokens.full)
         if not material and binding:
-            self._context.notes.add("bound to something that is no Material", binding.GetPath())
+            self._context.note_missing("bound to something that is no Material", binding.GetPath())
+        elif not material and bindings.ComputeBoundMaterial(UsdShade.Tokens.preview)[0]:
+            self._context.notes.add("bound for previews only: the display color is used", prim.GetPath())
         return material or None
 
     def _reading_of(self, material: UsdShade.Material) -> _Reading:
@@ -100,88 +93,31 @@ class MaterialReader:
 
     def _read(self, material: UsdShade.Material) -> _Reading:
         prim, context = material.GetPrim(), self._context
-        shader = _surface_shader(material)
-        if material.ComputeVolumeSource()[0]:
-            context.notes.add("volume shader is not supported", prim.GetPath())
-        index = None
-        if has_medium(prim, context):
-            self._media.append(read_medium(prim, context))
-            index = len(self._media) - 1
-            if not ends_in_surface(prim, context):
-                if shader:
-                    context.notes.add("fgf:boundary = none: the material's surface is not used", prim.GetPath())
-                return _Reading(medium=index, is_open=True, surface=None)
+        shader = material.ComputeSurfaceSource(RENDER_CONTEXT)[0]
+        if material.ComputeDisplacementSource(RENDER_CONTEXT)[0]:
+            context.notes.add("displacement is not rendered", prim.GetPath())
+        if not has_medium(prim, context):
+            if material.ComputeVolumeSource(RENDER_CONTEXT)[0]:
+                context.notes.add(f"a volume is rendered where {SCHEMA_NAME} says what it is", prim.GetPath())
+            return _Reading(medium=None, is_open=False, surface=self._surface(material, shader))
+        self._media.append(read_medium(prim, context))
+        index = len(self._media) - 1
+        if not ends_in_surface(prim, context):
+            if shader:
+                context.notes.add("fgf:boundary = none: the material's surface is not used", prim.GetPath())
+            return _Reading(medium=index, is_open=True, surface=None)
+        surface = self._surface(material, shader)
+        if surface and not surface.may_be_transparent:
+            context.notes.add("the medium is never seen, as the surface around it is opaque", prim.GetPath())
+        return _Reading(medium=index, is_open=False, surface=surface)
+
+    def _surface(self, material: UsdShade.Material, shader: UsdShade.Shader) -> Surface | None:
+        """The material's surface; None, with a warning, where it has none that can be rendered."""
+        notes = self._context.notes
         if not shader:
-            context.notes.add("material without a surface: the display color is used", prim.GetPath())
-            return _Reading(medium=index, is_open=False, surface=None)
-        return _Reading(medium=index, is_open=False, surface=self._preview_surface(shader))
-
-    def _preview_surface(self, shader: UsdShade.Shader) -> Surface | None:
-        if shader.GetIdAttr().Get() != "UsdPreviewSurface":
-            self._context.notes.add("shader is no UsdPreviewSurface: the display color is used", shader.GetPath())
+            notes.add("material without a surface: the display color is used", material.GetPath())
             return None
-        self._note_what_is_not_read(shader)
-        diffuse = self._color(shader, "diffuseColor", PREVIEW_DIFFUSE)
-        emission = self._color(shader, "emissiveColor", PREVIEW_EMISSIVE)
-        path = shader.GetPath()
-        return _checked_surface(diffuse, emission, f"{path}.inputs:diffuseColor", f"{path}.inputs:emissiveColor")
-
-    def _color(self, shader: UsdShade.Shader, name: str, fallback: Rgb) -> Rgb:
-        shader_input = shader.GetInput(name)
-        if not shader_input:
-            return fallback
-        source = plain_source(shader_input.GetAttr())
-        if source is None:
-            text = f"texture or other shader is not supported: {_in_words(fallback)} is used"
-            self._context.notes.add(text, shader_input.GetAttr().GetPath())
-            return fallback
-        return read_color(source, self._context.time, fallback)
-
-    def _note_what_is_not_read(self, shader: UsdShade.Shader) -> None:
-        for name, harmless in PREVIEW_FALLBACKS.items():
-            shader_input = shader.GetInput(name)
-            if not shader_input or not is_authored(shader_input.GetAttr()):
-                continue
-            source = plain_source(shader_input.GetAttr())
-            value = source.Get(self._context.time) if source else None
-            if not _agree(value, harmless):
-                text = "only diffuseColor and emissiveColor of UsdPreviewSurface are rendered"
-                self._context.notes.add(text, shader_input.GetAttr().GetPath())
-
-    def _display_surface(self, prim: Usd.Prim) -> Surface:
-        primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
-        if not primvar:
-            return Surface()
-        path = primvar.GetAttr().GetPath()
-        colors = read_array(primvar.GetAttr(), self._context.time, np.float32, width=3)
-        if not len(colors):
-            return Surface()
-        if len(colors) > 1:
-            self._context.notes.add("varying display color is not supported: its first value is used", path)
-        r, g, b = (float(str(channel)) for channel in colors[0])
-        return _checked_surface((r, g, b), PREVIEW_EMISSIVE, str(path), "")
-
-
-def _surface_shader(material: UsdShade.Material) -> UsdShade.Shader | None:
-    return material.ComputeSurfaceSource()[0] or None
-
-
-def _checked_surface(diffuse: Rgb, emission: Rgb, diffuse_path: str, emission_path: str) -> Surface:
-    try:
-        return Surface(diffuse=diffuse, emission=emission)
-    except SceneError as error:
-        text = str(error)
-        for start, path in (("surface: diffuse", diffuse_path), ("surface: emission", emission_path)):
-            text = text.replace(start, path)
-        raise SceneError(text) from error
-
-
-def _agree(value: object, number: float | Rgb) -> bool:
-    try:
-        return bool(np.allclose(np.asarray(value, dtype=np.float64), number))
-    except (TypeError, ValueError):
-        return False
-
-
-def _in_words(color: Rgb) -> str:
-    return f"({color[0]:g}, {color[1]:g}, {color[2]:g})"
+        if shader.GetShaderId() != preview_surface.KIND:
+            notes.add(f"shader is no {preview_surface.KIND}: the display color is used", shader.GetPath())
+            return None
+        return read_preview_surface(shader, self._context)

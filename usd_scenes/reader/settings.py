@@ -1,18 +1,51 @@
-"""UsdRender.Settings: the resolution and the camera that a stage asks for."""
+"""UsdRender: the images that a stage asks for, each with its size, its camera and its planes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdRender
+from pxr import Sdf, Usd, UsdGeom, UsdRender
 
 from fgf_warp.errors import SceneError
-from usd_scenes.reader.attributes import is_authored, read_array
+from fgf_warp.scene import CONFORM_POLICIES, ConformPolicy
+from usd_scenes.reader.attributes import is_authored, read_array, read_number, read_token
 from usd_scenes.reader.context import StageContext
 
 RESOLUTION_MAX = 65536
-NOT_READ = ("aspectRatioConformPolicy", "dataWindowNDC", "disableDepthOfField", "pixelAspectRatio")
+WHOLE_WINDOW = (0.0, 0.0, 1.0, 1.0)
+LINEAR_SPACES = ("lin_rec709", "lin_rec709_scene")
+"""Names of the color space that images are rendered in."""
+FULL_BINDING = ("full", "")
+"""Purposes of the materials that are rendered."""
+READ_SOURCE_TYPES = ("raw", "intrinsic")
+
+
+@dataclass(frozen=True)
+class Product:
+    """An image that a stage asks for: a RenderProduct, or RenderSettings that have none.
+
+    Args:
+        path: of the prim; empty where the stage has no RenderSettings.
+        file: where the image is to be written, as its productName says; empty where it does not.
+        camera: prim path, or None.
+        resolution: width and height [pixel], or None.
+        pixel_aspect_ratio: width of a pixel over its height, > 0.
+        conform_policy: what gives way where the image's aspect ratio is not the film's.
+        has_motion_blur: False where the shutter is to open at the frame alone.
+        has_depth_of_field: False where the camera is to be a pinhole.
+        sources: what its planes hold, the sourceName of each RenderVar; None where it names none.
+    """
+
+    path: str = ""
+    file: str = ""
+    camera: str | None = None
+    resolution: tuple[int, int] | None = None
+    pixel_aspect_ratio: float = 1.0
+    conform_policy: ConformPolicy = "expandAperture"
+    has_motion_blur: bool = True
+    has_depth_of_field: bool = True
+    sources: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -20,36 +53,133 @@ class StageSettings:
     """What the stage's render settings say.
 
     Args:
-        resolution: width and height [pixel], or None.
-        camera: prim path, or None.
+        products: the images, at least one.
+        purposes: of the geometry to include; None where they do not say.
     """
 
-    resolution: tuple[int, int] | None = None
-    camera: str | None = None
+    products: tuple[Product, ...] = (Product(),)
+    purposes: tuple[str, ...] | None = None
+
+    def product(self, path: str | None) -> Product:
+        """The product of that prim; None takes the first.
+
+        Raises:
+            SceneError: where there is none of that path; it lists those there are.
+        """
+        found = [product for product in self.products if path in (None, product.path)]
+        if not found:
+            there_are = ", ".join(product.path for product in self.products)
+            raise SceneError(f"render product {path!r} is not there; accepted: {there_are}")
+        return found[0]
 
 
-def read_settings(context: StageContext) -> StageSettings:
-    """The settings that the stage's metadata name, else the first RenderSettings prim, else none.
+def read_settings(context: StageContext, asked: str | None = None) -> StageSettings:
+    """What the RenderSettings of a stage say; where they say nothing, neither does the result.
+
+    Args:
+        context: the stage.
+        asked: prim path of the settings; None takes those that the stage's metadata name, else the first, with a
+            warning where there are several.
 
     Raises:
-        SceneError: for a resolution out of [1, 65536] or a camera that is not there.
+        SceneError: for settings, a product or a camera that is not there, or a value out of its range.
     """
-    settings = UsdRender.Settings.GetStageRenderSettings(context.stage) or _first_settings(context.stage)
-    if not settings:
+    settings = _find_settings(context, asked)
+    if settings is None:
         return StageSettings()
-    prim = settings.GetPrim()
-    for name in NOT_READ:
-        if prim.GetAttribute(name).HasAuthoredValue():
-            context.notes.add("render setting is not used", prim.GetPath().AppendProperty(name))
-    return StageSettings(resolution=_resolution(settings, context.time), camera=_camera_path(settings))
+    _note_what_is_not_read(settings, context)
+    products = [prim for path in _targets(settings, "products") if (prim := _product_prim(settings, path, context))]
+    return StageSettings(
+        products=tuple(_read_product(prim, settings, context) for prim in products or [settings]),
+        purposes=_read_purposes(settings, context.time),
+    )
 
 
-def _first_settings(stage: Usd.Stage) -> UsdRender.Settings | None:
-    return next((UsdRender.Settings(prim) for prim in stage.Traverse() if prim.IsA(UsdRender.Settings)), None)
+def _find_settings(context: StageContext, asked: str | None) -> Usd.Prim | None:
+    stage = context.stage
+    there_are = [prim for prim in stage.Traverse() if prim.IsA(UsdRender.Settings)]
+    if asked is not None:
+        found = [prim for prim in there_are if str(prim.GetPath()) == asked]
+        if not found:
+            names = ", ".join(str(prim.GetPath()) for prim in there_are) or "none"
+            raise SceneError(f"render settings {asked!r} are not in the stage; it has: {names}")
+        return found[0]
+    named = UsdRender.Settings.GetStageRenderSettings(stage)
+    if named:
+        return named.GetPrim()
+    if stage.HasAuthoredMetadata("renderSettingsPrimPath"):
+        path = stage.GetMetadata("renderSettingsPrimPath")
+        context.note_missing("the stage's renderSettingsPrimPath is the path of no RenderSettings", path)
+    if len(there_are) > 1:
+        context.notes.add("several RenderSettings and none chosen: the first are used", there_are[0].GetPath())
+    return there_are[0] if there_are else None
 
 
-def _resolution(settings: UsdRender.Settings, time: Usd.TimeCode) -> tuple[int, int] | None:
-    attribute = settings.GetResolutionAttr()
+def _product_prim(settings: Usd.Prim, path: Sdf.Path, context: StageContext) -> Usd.Prim | None:
+    prim = settings.GetStage().GetPrimAtPath(path)
+    if not prim or not prim.IsA(UsdRender.Product):
+        raise SceneError(f"{settings.GetPath()}.products = {path}; accepted: the paths of RenderProducts")
+    product_type = prim.GetAttribute("productType").Get(context.time)
+    if product_type != "raster":
+        context.notes.add(f"a product of type {product_type} is not supported and is left out", prim.GetPath())
+        return None
+    return prim
+
+
+def _read_product(prim: Usd.Prim, settings: Usd.Prim, context: StageContext) -> Product:
+    """A product with what it takes from its settings; `prim` may be the settings themselves."""
+    time = context.time
+
+    def attribute(name: str) -> Usd.Attribute:
+        own = prim.GetAttribute(name)
+        return own if is_authored(own) else settings.GetAttribute(name)
+
+    if tuple(_numbers(attribute("dataWindowNDC"), time, 4)) != WHOLE_WINDOW:
+        context.notes.add("dataWindowNDC is not supported: the whole image is rendered", prim.GetPath())
+    is_instant = any(attribute(name).Get(time) for name in ("disableMotionBlur", "instantaneousShutter"))
+    policy = read_token(attribute("aspectRatioConformPolicy"), time, CONFORM_POLICIES)
+    name = prim.GetAttribute("productName")
+    return Product(
+        path=str(prim.GetPath()),
+        file=str(name.Get(time) or "") if name else "",
+        camera=_camera_path(prim) or _camera_path(settings),
+        resolution=_resolution(attribute("resolution"), time),
+        pixel_aspect_ratio=read_number(
+            attribute("pixelAspectRatio"), time, 1.0, accepted="> 0", holds=lambda ratio: ratio > 0
+        ),
+        conform_policy=next((known for known in CONFORM_POLICIES if known == policy), "expandAperture"),
+        has_motion_blur=not is_instant,
+        has_depth_of_field=not attribute("disableDepthOfField").Get(time),
+        sources=_sources(prim, context),
+    )
+
+
+def _sources(prim: Usd.Prim, context: StageContext) -> tuple[str, ...] | None:
+    targets = _targets(prim, "orderedVars")
+    if not targets:
+        return None
+    sources = []
+    for path in targets:
+        var = prim.GetStage().GetPrimAtPath(path)
+        if not var or not var.IsA(UsdRender.Var):
+            raise SceneError(f"{prim.GetPath()}.orderedVars = {path}; accepted: the paths of RenderVars")
+        kind = var.GetAttribute("sourceType").Get(context.time)
+        name = var.GetAttribute("sourceName").Get(context.time)
+        if kind not in READ_SOURCE_TYPES:
+            context.notes.add(f"a render var of sourceType {kind} is not supported and is left out", path)
+        elif not name:
+            context.notes.add("a render var without sourceName is left out", path)
+        else:
+            sources.append(name)
+    return tuple(sources)
+
+
+def _read_purposes(settings: Usd.Prim, time: Usd.TimeCode) -> tuple[str, ...] | None:
+    attribute = settings.GetAttribute("includedPurposes")
+    return tuple(attribute.Get(time) or ()) if is_authored(attribute) else None
+
+
+def _resolution(attribute: Usd.Attribute, time: Usd.TimeCode) -> tuple[int, int] | None:
     if not is_authored(attribute):
         return None
     size = read_array(attribute, time, np.int64)
@@ -63,10 +193,31 @@ def _resolution(settings: UsdRender.Settings, time: Usd.TimeCode) -> tuple[int, 
     return int(width), int(height)
 
 
-def _camera_path(settings: UsdRender.Settings) -> str | None:
-    targets = settings.GetCameraRel().GetForwardedTargets()
+def _camera_path(prim: Usd.Prim) -> str | None:
+    targets = _targets(prim, "camera")
     if not targets:
         return None
-    if not UsdGeom.Camera.Get(settings.GetPrim().GetStage(), targets[0]):
-        raise SceneError(f"{settings.GetCameraRel().GetPath()} = {targets[0]}; accepted: the path of a Camera")
+    if not UsdGeom.Camera.Get(prim.GetStage(), targets[0]):
+        raise SceneError(f"{prim.GetPath()}.camera = {targets[0]}; accepted: the path of a Camera")
     return str(targets[0])
+
+
+def _targets(prim: Usd.Prim, name: str) -> list[Sdf.Path]:
+    relationship = prim.GetRelationship(name)
+    return list(relationship.GetForwardedTargets()) if relationship else []
+
+
+def _numbers(attribute: Usd.Attribute, time: Usd.TimeCode, count: int) -> np.ndarray:
+    numbers = read_array(attribute, time, np.float64)
+    if len(numbers) != count:
+        raise SceneError(f"{attribute.GetPath()} holds {len(numbers)} numbers; accepted: {count}")
+    return numbers
+
+
+def _note_what_is_not_read(settings: Usd.Prim, context: StageContext) -> None:
+    purposes = settings.GetAttribute("materialBindingPurposes")
+    if tuple(purposes.Get(context.time) or ()) not in (FULL_BINDING, FULL_BINDING[:1]):
+        context.notes.add("materials are those bound for the purpose full, whatever it says", purposes.GetPath())
+    space = settings.GetAttribute("renderingColorSpace")
+    if space.Get(context.time) not in (None, "", *LINEAR_SPACES):
+        context.notes.add("images are rendered in linear Rec.709, whatever it says", space.GetPath())

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 from pxr import Tf, Usd, UsdGeom, UsdShade, UsdSkel
 
-from fgf_warp.errors import SceneError
-from fgf_warp.scene import Light, Scene, Shape
+from fgf_warp.errors import FgfError, SceneError
+from fgf_warp.scene import Camera, Light, Medium, Scene, Shape
 from usd_scenes import schema
-from usd_scenes.reader.camera import choose_camera, default_camera, read_camera
+from usd_scenes.reader.camera import as_asked, choose_camera, default_camera, read_camera, read_shutter
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.diagnostics import (
     note_warnings,
@@ -20,15 +22,24 @@ from usd_scenes.reader.diagnostics import (
     refuse_composition_errors,
     usd_errors_as_scene_errors,
 )
-from usd_scenes.reader.geometry import SOLID_READERS
-from usd_scenes.reader.lights import DEFAULT_DOME, is_light, read_light
+from usd_scenes.reader.lights import DEFAULT_DOME, emitting_meshes, is_light, read_light
+from usd_scenes.reader.links import link_lights
 from usd_scenes.reader.materials import MaterialReader
-from usd_scenes.reader.mesh import read_mesh
-from usd_scenes.reader.settings import read_settings
+from usd_scenes.reader.settings import Product, StageSettings, read_settings
+from usd_scenes.reader.shapes import ShapeReader
+from usd_scenes.reader.traversal import walk
 
 PURPOSES = ("default", "render", "proxy", "guide")
-CONTAINERS = ("SkelRoot",)
+DEFAULT_PURPOSES = frozenset({"default", "render"})
+COMPLEXITIES = ("low", "medium", "high", "veryhigh")
+"""As usdrecord names them: each subdivides once more than the one before, ``low`` not at all."""
+UP_AXES = ("Y", "Z")
+CONTAINERS = ("SkelRoot", "PointInstancer")
 """Boundable prims that draw nothing of their own."""
+
+
+Frame = float | Literal["default"]
+"""A time code, or USD's default time, at which attributes have their default values and no samples."""
 
 
 @dataclass(frozen=True)
@@ -39,19 +50,58 @@ class StageReading:
         scene: for the renderer.
         resolution: width and height [pixel] of the stage's render settings, or None.
         warnings: what of the stage is not rendered as it is written, one text each.
+        sources: what the stage wants in the image's planes, the sourceName of each RenderVar; None where it does not
+            say.
     """
 
     scene: Scene
     resolution: tuple[int, int] | None
     warnings: tuple[str, ...]
+    sources: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class _Choices:
+    """What is asked of a stage; see `read_scene`."""
+
+    camera: str | None
+    frame: Frame | None
+    purposes: Sequence[str] | None
+    complexity: str
+    strict: bool
+    render_settings: str | None
+    product: str | None
+
+
+@dataclass(frozen=True)
+class StageSurvey:
+    """What of a stage can be read, whatever is refused.
+
+    Args:
+        shapes: those that are accepted.
+        media: that they are filled with.
+        lights: those that are accepted, or the default dome.
+        camera: the one that is taken where none is asked for, or None where it is refused.
+        refusals: for what reading would stop.
+    """
+
+    shapes: tuple[Shape, ...]
+    media: tuple[Medium, ...]
+    lights: tuple[Light, ...]
+    camera: Camera | None
+    refusals: tuple[FgfError, ...]
 
 
 def read_scene(
     path: str | Path,
     *,
     camera: str | None = None,
-    frame: float | None = None,
-    purposes: Sequence[str] = ("default", "render"),
+    frame: Frame | None = None,
+    purposes: Sequence[str] | None = None,
+    complexity: str = "high",
+    strict: bool = False,
+    render_settings: str | None = None,
+    product: str | None = None,
 ) -> StageReading:
     """Reads a USD file, and so validates it.
 
@@ -59,46 +109,117 @@ def read_scene(
         path: a .usd, .usda, .usdc or .usdz file.
         camera: path or name of a camera; None takes the render settings', else the first, else a view from the
             front that holds everything.
-        frame: time code at which attributes are sampled; None takes the stage's authored start, else each
-            attribute's earliest sample.
-        purposes: which geometry to read, of ``default``, ``render``, ``proxy`` and ``guide``.
+        frame: time code at which attributes are sampled, or ``default``; None takes the stage's authored start, else
+            each attribute's earliest sample.
+        purposes: which geometry to read, of ``default``, ``render``, ``proxy`` and ``guide``; None takes the render
+            settings', else ``default`` and ``render``.
+        complexity: how far surfaces are subdivided, ``low``, ``medium``, ``high`` or ``veryhigh``.
+        strict: True where what is missing, such as a texture's file, is an error instead of a warning.
+        render_settings: path of the RenderSettings; None takes those that the stage's metadata name, else the first.
+        product: path of the RenderProduct that is meant; None takes the settings' first.
 
     Raises:
         SceneError: naming file, prim, attribute, the value found and what is accepted.
         UnsupportedFeatureError: for what cannot be rendered and cannot be left out.
     """
+    choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product)
     schema.register()
     with usd_errors_as_scene_errors(str(path)) as trap:
-        return _read(open_stage(Path(path)), str(path), camera, frame, purposes, trap)
+        return _read(open_stage(Path(path)), str(path), choices, trap)
 
 
 def read_stage(
     stage: Usd.Stage,
     *,
     camera: str | None = None,
-    frame: float | None = None,
-    purposes: Sequence[str] = ("default", "render"),
+    frame: Frame | None = None,
+    purposes: Sequence[str] | None = None,
+    complexity: str = "high",
+    strict: bool = False,
+    render_settings: str | None = None,
+    product: str | None = None,
 ) -> StageReading:
     """Reads a stage that is open already; otherwise as `read_scene`."""
+    choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product)
     schema.register()
     layer = stage.GetRootLayer()
     source = (layer.GetDisplayName() if layer.anonymous else layer.identifier) or "stage"
     with usd_errors_as_scene_errors(source) as trap:
-        return _read(stage, source, camera, frame, purposes, trap)
+        return _read(stage, source, choices, trap)
 
 
-def _read(
-    stage: Usd.Stage,
-    source: str,
-    camera: str | None,
-    frame: float | None,
-    purposes: Sequence[str],
-    trap: Tf.DiagnosticTrap,
-) -> StageReading:
-    refuse_composition_errors(stage)
-    context = StageContext(stage=stage, time=_time_code(stage, frame), purposes=_checked(purposes))
-    settings = read_settings(context)
-    camera_prim = choose_camera(context, camera, settings.camera)
+def read_products(
+    path: str | Path, *, frame: Frame | None = None, render_settings: str | None = None
+) -> tuple[Product, ...]:
+    """The images that a USD file asks for, at least one; its geometry is not read.
+
+    Args:
+        path: as for `read_scene`.
+        frame: as for `read_scene`; names of products may have samples.
+        render_settings: as for `read_scene`.
+
+    Raises:
+        SceneError: for a stage that cannot be opened, or settings that are not there or out of their range.
+    """
+    schema.register()
+    with usd_errors_as_scene_errors(str(path)):
+        stage = open_stage(Path(path))
+        context = StageContext(stage=stage, time=_time_code(stage, frame), purposes=frozenset())
+        return read_settings(context, render_settings).products
+
+
+@contextmanager
+def stages_kept_open() -> Iterator[None]:
+    """Within it a file that is read again, as for another frame, is not opened again."""
+    with Usd.StageCacheContext(Usd.StageCache()):
+        yield
+
+
+def survey_stage(stage: Usd.Stage) -> StageSurvey:
+    """Reads what of an open stage can be read, and collects what is refused."""
+    schema.register()
+    refusals: list[FgfError] = []
+    context = stage_context(stage, refusals=refusals)
+    materials = MaterialReader(context)
+    settings, camera = StageSettings(), None
+    shapes, lights = _read_prims(context, materials)
+    with context.going_on():
+        _meters_per_unit(stage)
+    with context.going_on():
+        settings = read_settings(context)
+    with context.going_on():
+        prim = choose_camera(context, None, settings.product(None).camera)
+        camera = read_camera(prim, context) if prim else default_camera(shapes, context.up_axis)
+        if prim:
+            read_shutter(prim, context)
+        Scene(camera=camera, shapes=tuple(shapes), media=materials.media)
+    return StageSurvey(tuple(shapes), materials.media, tuple(lights) or (DEFAULT_DOME,), camera, tuple(refusals))
+
+
+def stage_context(stage: Usd.Stage, refusals: list[FgfError] | None = None) -> StageContext:
+    """What `read_stage` reads a stage in where nothing is asked for."""
+    return StageContext(stage=stage, time=_time_code(stage, None), purposes=DEFAULT_PURPOSES, refusals=refusals)
+
+
+def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticTrap) -> StageReading:
+    context = StageContext(
+        stage=stage,
+        time=_time_code(stage, choices.frame),
+        purposes=DEFAULT_PURPOSES,
+        refinement=_refinement(choices.complexity),
+        strict=choices.strict,
+    )
+    refuse_composition_errors(context)
+    _note_up_axis(context)
+    settings = read_settings(context, choices.render_settings)
+    product = settings.product(choices.product)
+    camera_prim = choose_camera(context, choices.camera, product.camera)
+    purposes = next(asked for asked in (choices.purposes, settings.purposes, DEFAULT_PURPOSES) if asked is not None)
+    context = replace(
+        context,
+        purposes=_checked(purposes),
+        shutter=read_shutter(camera_prim, context) if camera_prim and product.has_motion_blur else None,
+    )
     materials = MaterialReader(context)
     shapes, lights = _read_prims(context, materials)
     if camera_prim is None:
@@ -107,8 +228,9 @@ def _read(
         context.notes.add("no geometry: only the lights are seen; a medium needs a closed shape that it is bound to")
     if not lights:
         context.notes.add("no light: an environment of radiance 1 is used")
+    camera = read_camera(camera_prim, context) if camera_prim else default_camera(shapes, context.up_axis)
     scene = Scene(
-        camera=read_camera(camera_prim, context) if camera_prim else default_camera(shapes, context.up_axis),
+        camera=as_asked(camera, product),
         shapes=tuple(shapes),
         media=materials.media,
         lights=tuple(lights) or (DEFAULT_DOME,),
@@ -117,40 +239,32 @@ def _read(
     )
     _note_law_warnings(context, scene)
     note_warnings(trap, context.notes)
-    return StageReading(scene=scene, resolution=settings.resolution, warnings=context.notes.texts())
+    return StageReading(scene, product.resolution, context.notes.texts(), product.sources)
 
 
 def _read_prims(context: StageContext, materials: MaterialReader) -> tuple[list[Shape], list[Light]]:
-    shapes: list[Shape | None] = []
-    lights: list[Light | None] = []
-    for prim in _visible_prims(context):
-        _note_misplaced(prim, context)
-        if is_light(prim):
-            lights.append(read_light(prim, context))
-        if prim.GetTypeName() in SOLID_READERS and _has_purpose(prim, context):
-            shapes.append(SOLID_READERS[prim.GetTypeName()](prim, context, materials.look_of(prim)))
-        elif prim.IsA(UsdGeom.Mesh) and _has_purpose(prim, context):
-            shapes.append(read_mesh(prim, context, materials.look_of(prim)))
-        elif _is_unsupported(prim) and _has_purpose(prim, context):
-            context.notes.add(f"{prim.GetTypeName()} is not supported and is left out", prim.GetPath())
-    return [shape for shape in shapes if shape], [light for light in lights if light]
-
-
-def _visible_prims(context: StageContext) -> Iterator[Usd.Prim]:
-    prims = iter(Usd.PrimRange.Stage(context.stage, Usd.TraverseInstanceProxies()))
-    for prim in prims:
-        imageable = UsdGeom.Imageable(prim)
-        if imageable and imageable.GetVisibilityAttr().Get(context.time) == UsdGeom.Tokens.invisible:
-            prims.PruneChildren()
-            continue
-        if prim.IsA(UsdGeom.PointInstancer):  # Its prototypes are not geometry by themselves.
-            prims.PruneChildren()
-        yield prim
-
-
-def _has_purpose(prim: Usd.Prim, context: StageContext) -> bool:
-    imageable = UsdGeom.Imageable(prim)
-    return not imageable or imageable.ComputePurpose() in context.purposes
+    shapes = ShapeReader(context, materials)
+    lights: list[tuple[Usd.Prim, Light]] = []
+    found = list(walk(context))
+    emitting = emitting_meshes(met.prim for met in found if not met.copies)
+    for met in found:
+        with context.going_on():
+            prim = met.prim
+            _note_misplaced(prim, context)
+            if is_light(prim):
+                if met.copies:
+                    context.notes.add("a light that is part of an instancer gives no light", prim.GetPath())
+                elif met.has_purpose or not prim.IsA(UsdGeom.Gprim):
+                    light = read_light(prim, context)
+                    lights.extend([(prim, light)] if light else [])
+            emits = prim.GetPath() in emitting or (is_light(prim) and prim.IsA(UsdGeom.Mesh))
+            if met.has_purpose and not emits and not shapes.read(met) and _is_unsupported(prim):
+                context.notes.add(f"{prim.GetTypeName()} is not supported and is left out", prim.GetPath())
+    placed = shapes.shapes()
+    linked_lights, linked_shapes = [light for _, light in lights], [shape for _, shape in placed]
+    with context.going_on():
+        linked_lights, linked_shapes = link_lights(lights, placed, context)
+    return linked_shapes, linked_lights
 
 
 def _is_unsupported(prim: Usd.Prim) -> bool:
@@ -179,7 +293,15 @@ def _meters_per_unit(stage: Usd.Stage) -> float:
     return value
 
 
-def _time_code(stage: Usd.Stage, frame: float | None) -> Usd.TimeCode:
+def _note_up_axis(context: StageContext) -> None:
+    axis = UsdGeom.GetStageUpAxis(context.stage)
+    if axis not in UP_AXES:
+        context.notes.add(f"upAxis = {axis} is not supported; accepted: {', '.join(UP_AXES)}; Y is taken")
+
+
+def _time_code(stage: Usd.Stage, frame: Frame | None) -> Usd.TimeCode:
+    if frame == "default":
+        return Usd.TimeCode.Default()
     if frame is not None:
         if not math.isfinite(frame):
             raise SceneError(f"frame = {frame:g}; accepted: a finite number")
@@ -190,7 +312,13 @@ def _time_code(stage: Usd.Stage, frame: float | None) -> Usd.TimeCode:
     return Usd.TimeCode.EarliestTime()
 
 
-def _checked(purposes: Sequence[str]) -> frozenset[str]:
+def _refinement(complexity: str) -> int:
+    if complexity not in COMPLEXITIES:
+        raise SceneError(f"complexity = {complexity}; accepted: {', '.join(COMPLEXITIES)}")
+    return COMPLEXITIES.index(complexity)
+
+
+def _checked(purposes: Collection[str]) -> frozenset[str]:
     unknown = sorted(set(purposes) - set(PURPOSES))
     if unknown:
         raise SceneError(f"purposes = {', '.join(unknown)}; accepted: {', '.join(PURPOSES)}")

@@ -1,0 +1,64 @@
+"""displayColor and displayOpacity: the look of shapes without a material."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from fgf_warp.errors import SceneError
+from fgf_warp.scene import PrimvarInput, Rgb, Surface
+from usd_scenes.reader.context import StageContext
+
+
+def display_surface(prim: Usd.Prim, context: StageContext) -> Surface:
+    """A diffuse surface of the display color and opacity of a geometry prim, or of the mesh of a GeomSubset.
+
+    Raises:
+        SceneError: for values out of [0, 1].
+    """
+    shape = prim.GetParent() if prim.IsA(UsdGeom.Subset) else prim
+    found: dict[str, Any] = {
+        field: value
+        for field, name, width in (("diffuse", "displayColor", 3), ("opacity", "displayOpacity", 1))
+        if (value := _display_input(shape, name, width, context)) is not None
+    }
+    return Surface(**found)
+
+
+def _display_input(shape: Usd.Prim, name: str, width: int, context: StageContext) -> PrimvarInput | Rgb | float | None:
+    """A primvar's value, or the primvar where it varies over a mesh; None where there is none."""
+    primvar = UsdGeom.PrimvarsAPI(shape).FindPrimvarWithInheritance(name)
+    if not primvar or not len(values := _values(primvar, width, context)):
+        return None
+    first = tuple(float(str(number)) for number in values[0])
+    value = cast(Rgb, first) if width == 3 else first[0]
+    if (values == values[0]).all():
+        return value
+    if shape.IsA(UsdGeom.Mesh):
+        return PrimvarInput(name, fallback=value)
+    context.notes.add(
+        f"{name} varies over a shape that is no mesh: its first value is used", primvar.GetAttr().GetPath()
+    )
+    return value
+
+
+def _values(primvar: UsdGeom.Primvar, width: int, context: StageContext) -> np.ndarray:
+    """(n, width) float32, of which there may be none."""
+    path = primvar.GetAttr().GetPath()
+    flattened = primvar.ComputeFlattened(context.time)
+    try:
+        values = np.asarray([] if flattened is None else flattened, dtype=np.float32).reshape(-1, width)
+    except (TypeError, ValueError):
+        raise SceneError(f"{path} is no array; accepted: an array of {_entries(width)}") from None
+    outside = ~((values >= 0) & (values <= 1)).all(axis=1)
+    if outside.any():
+        at = int(np.argmax(outside))
+        shown = ", ".join(f"{number:g}" for number in values[at])
+        raise SceneError(f"{path}[{at}] = ({shown}); accepted: {_entries(width)} in [0, 1]")
+    return values
+
+
+def _entries(width: int) -> str:
+    return "numbers" if width == 1 else f"entries of {width} numbers"
