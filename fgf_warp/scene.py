@@ -727,7 +727,7 @@ class Shaping:
         _check_color("shaping", "focus_tint", self.focus_tint)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LightSource:
     """What all lights have, beside a name and a radiance.
 
