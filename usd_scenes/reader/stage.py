@@ -206,9 +206,7 @@ def _read_prims(context: StageContext, materials: MaterialReader) -> tuple[list[
         _note_misplaced(prim, context)
         if is_light(prim):
             if met.copies:
-                context.notes.add(
-                    "light of an instancer gives no light", prim.GetPath()
-                )
+                context.notes.add("light of an instancer gives no light", prim.GetPath())
             elif met.has_purpose or not prim.IsA(UsdGeom.Gprim):
                 light = read_light(prim, context)
                 lights.extend([(prim, light)] if light else [])
