@@ -22,7 +22,7 @@ from fgf_warp.features import required_features
 from fgf_warp.integrator import Film, Program, build_program
 from fgf_warp.result import RenderResult
 from fgf_warp.scene import Medium, Scene
-from fgf_warp.settings import GIB, Aov, RenderSettings
+from fgf_warp.settings import GIB, PRIM_AOVS, SPLIT_AOVS, Aov, RenderSettings
 from fgf_warp.upload import UploadedScene, upload
 
 Progress = Callable[[int, int], None]
@@ -40,10 +40,21 @@ FARTHEST = 1e38
 """Depths beyond it stand for nothing met."""
 BLOCK_DIM = 128
 """Threads of a CUDA block."""
-MEAN_AOVS = (Aov.TRANSMITTANCE, Aov.ALBEDO, Aov.COLLISIONS, Aov.PATH_LENGTH)
-"""Planes that are means over the samples; the film has their sums under the same names."""
-DEVELOPING_BYTES = 184
-"""Per pixel, while the image of a film is made: its planes, and float64 values on the way to them."""
+MEAN_AOVS = (
+    Aov.TRANSMITTANCE,
+    Aov.ALBEDO,
+    Aov.COLLISIONS,
+    Aov.PATH_LENGTH,
+    Aov.NORMAL,
+    Aov.MOTION,
+    Aov.OPTICAL_DEPTH,
+    Aov.DIRECT,
+)
+"""Planes of vectors that are means over the samples; the film has their sums under the same names."""
+DEVELOPING_BYTES = 128
+"""Per pixel, while the image of a film is made: radiance and its variance, and float64 values on the way to planes."""
+PLANE_BYTES = 12
+"""Per pixel of each further plane, at most: three channels of float32."""
 
 _build_lock = threading.Lock()
 
@@ -141,7 +152,8 @@ def build_model(scene: Scene, settings: RenderSettings, variants: Sequence[Varia
     images = tuple(variants) if variants is not None else (Variant(scene.media, settings.seed),)
     check_memory(settings, len(images))
     program = prepare(scene.with_media(images[0].media), settings)
-    uploaded = upload(scene, settings, [image.media for image in images], [image.seed for image in images])
+    media, seeds = [image.media for image in images], [image.seed for image in images]
+    uploaded = upload(scene, settings, media, seeds, shading=program.features.shading)
     return Model(scene, settings, images, program, uploaded)
 
 
@@ -168,8 +180,14 @@ def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings)
 def image_bytes(settings: RenderSettings) -> int:
     """Memory that one image takes while it is rendered, beside the scene."""
     film = 2 * 24 + 8 + 2 * 4  # radiance and its square, alpha, two counts
-    film += 24 * len(settings.aovs & set(MEAN_AOVS)) + 4 * (Aov.DEPTH in settings.aovs)
-    return settings.width * settings.height * (film + DEVELOPING_BYTES)
+    film += 24 * len(_summed(settings)) + 4 * (Aov.DEPTH in settings.aovs)
+    film += 8 * (Aov.SCATTERINGS in settings.aovs) + 3 * 4 * bool(settings.aovs & PRIM_AOVS)
+    return settings.width * settings.height * (film + DEVELOPING_BYTES + PLANE_BYTES * len(settings.aovs))
+
+
+def _summed(settings: RenderSettings) -> set[Aov]:
+    """Vector planes that the film sums: of the two parts of the radiance one."""
+    return {aov for aov in MEAN_AOVS if aov in settings.aovs} | ({Aov.DIRECT} if settings.aovs & SPLIT_AOVS else set())
 
 
 def check_memory(settings: RenderSettings, images: int = 1) -> None:
@@ -200,7 +218,14 @@ def begin(model: Model) -> State:
     film.depth = plane(wp.float32, Aov.DEPTH in settings.aovs)
     film.depth.fill_(np.inf)
     for aov in MEAN_AOVS:
-        setattr(film, aov, plane(wp.vec3d, aov in settings.aovs))
+        setattr(film, aov, plane(wp.vec3d, aov in _summed(settings)))
+    film.scatterings = plane(wp.float64, Aov.SCATTERINGS in settings.aovs)
+    tells_prims = bool(settings.aovs & PRIM_AOVS)
+    film.seen = plane(wp.float32, tells_prims)
+    film.seen.fill_(np.inf)
+    film.prim = plane(wp.int32, tells_prims)
+    film.instance = plane(wp.int32, tells_prims)
+    film.instance.fill_(-1)
     film.invalid = plane(wp.int32)
     film.truncated = plane(wp.int32)
     images = len(model.variants)
@@ -300,6 +325,18 @@ def develop(model: Model, state: State, image: int = 0) -> RenderResult:
     for aov in MEAN_AOVS:
         if aov in settings.aovs:
             aovs[aov] = (plane(getattr(film, aov)) / n).astype(np.float32)
+    if Aov.MOTION in settings.aovs:
+        aovs[Aov.MOTION] = aovs[Aov.MOTION][..., :2]
+    if Aov.DIRECT in settings.aovs:
+        aovs[Aov.DIRECT] *= np.float32(exposure)
+    if Aov.INDIRECT in settings.aovs:
+        aovs[Aov.INDIRECT] = (exposure * (radiance - plane(film.direct) / n)).astype(np.float32)
+    if Aov.SCATTERINGS in settings.aovs:
+        aovs[Aov.SCATTERINGS] = (plane(film.scatterings) / n).astype(np.float32)
+    if Aov.PRIM_ID in settings.aovs:
+        aovs[Aov.PRIM_ID] = plane(film.prim)
+    if Aov.INSTANCE_ID in settings.aovs:
+        aovs[Aov.INSTANCE_ID] = plane(film.instance)
     return RenderResult(
         radiance=(exposure * radiance).astype(np.float32),
         alpha=(plane(film.alpha) / n).astype(np.float32),
@@ -437,6 +474,7 @@ def _provenance(model: Model, image: int, samples: int) -> dict[str, Any]:
         "meters_per_unit": scene.meters_per_unit,
         "camera": scene.camera.name,
         "exposure_scale": scene.camera.exposure_scale,
+        **({"prims": list(scene.prims)} if Aov.PRIM_ID in settings.aovs else {}),
         "media": [
             {
                 "name": m.name,

@@ -18,14 +18,16 @@ class RenderResult:
         radiance: (height, width, 3) float32, linear Rec.709; row 0 is the top.
         alpha: (height, width) float32 in [0, 1]: share of camera paths that met a surface or scattered.
         variance: (height, width, 3) float32, variance of the pixel mean; inf for a single sample.
-        aovs: the further planes that the settings ask for, (height, width) or (height, width, 3) float32.
+        aovs: the further planes that the settings ask for, float32: (height, width) of depth and scatterings,
+            (height, width, 2) of motion, and (height, width, 3) of the others; of prim and instance id (height, width)
+            int32. Variance and samples have their own places here.
         samples: samples per pixel reached.
         path_count: camera paths traced.
         truncated_count: paths cut at the bound on their length.
         seconds: wall time of the render, without building the kernel.
         settings: as rendered.
         provenance: parameters, seed and versions, JSON-ready, for the files' headers; equal renders on one
-            device give equal values.
+            device give equal values. With prim ids, ``prims`` lists the names that they count.
     """
 
     radiance: np.ndarray

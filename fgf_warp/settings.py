@@ -44,10 +44,35 @@ class Aov(StrEnum):
     channels differ in extinction its weight, before each collision; that is the plain count where albedo is 1."""
     PATH_LENGTH = "path_length"
     """Mean length that the same particle travels in media, per channel [stage unit]; weighted alike."""
+    NORMAL = "normal"
+    """Mean unit normal, in world space and to the side that is seen, of the surface that the path meets first; a path
+    that scatters in a medium before, or meets none, counts as 0."""
+    PRIM_ID = "prim_id"
+    """Number of the prim nearest in the pixel, whose surface a path meets or in whose medium it scatters first: its
+    place, from 1 on, among the names in the header; 0 where there is none, and of lights."""
+    INSTANCE_ID = "instance_id"
+    """Number of that prim in its instancer; -1 where it is in none."""
+    MOTION = "motion"
+    """Mean displacement in the image of what is seen first, from the opening of the shutter to its closing, to the
+    right and down [pixel]; 0 where nothing is seen."""
+    OPTICAL_DEPTH = "optical_depth"
+    """sigma_m times the length of the first medium segment along the camera ray, per channel; 0 where there is none."""
+    SCATTERINGS = "scatterings"
+    """Mean number of scattering events of a path, at surfaces and in media, as it is traced: to its end by roulette."""
+    DIRECT = "direct"
+    """The radiance of light that is seen at once or after one scattering event, at a surface or in a medium."""
+    INDIRECT = "indirect"
+    """The rest of the radiance."""
 
 
-TRACED_AOVS = frozenset({Aov.DEPTH, Aov.TRANSMITTANCE, Aov.ALBEDO, Aov.COLLISIONS, Aov.PATH_LENGTH})
+TRACED_AOVS = frozenset(Aov) - {Aov.VARIANCE, Aov.SAMPLES}
 """The planes that a kernel must be built for; the others follow from its sums."""
+SPLIT_AOVS = frozenset({Aov.DIRECT, Aov.INDIRECT})
+"""The two parts of the radiance; a render sums one and has both."""
+PRIM_AOVS = frozenset({Aov.PRIM_ID, Aov.INSTANCE_ID})
+"""Of the nearest prim in a pixel."""
+USUAL_AOVS = frozenset(Aov) - SPLIT_AOVS - {Aov.INSTANCE_ID, Aov.MOTION, Aov.OPTICAL_DEPTH, Aov.SCATTERINGS}
+"""What a single image is written with unless others are named."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import typer
 from typer.core import TyperGroup
 
 from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError, OutputError
-from fgf_warp.settings import PRESETS, Aov, RenderSettings, Sampler
+from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -166,7 +166,8 @@ def render(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help=f"Only these planes, repeatable: {', '.join(Aov)}; default: as the stage's RenderVars say, or all.",
+            help=f"Only these planes, repeatable: {', '.join(Aov)}; default: as the stage's RenderVars say, or those "
+            "up to prim_id.",
         ),
     ] = None,
     explain: Annotated[
@@ -211,7 +212,7 @@ def render(
             seed=seed,
             max_depth=PRESETS[preset].max_depth,
             roulette_depth=PRESETS[preset].roulette_depth,
-            aovs=next(planes for planes in (aovs, base.aovs, frozenset(Aov)) if planes is not None),
+            aovs=next(planes for planes in (aovs, base.aovs, USUAL_AOVS) if planes is not None),
             sampler=Sampler(sampler),
             device=device,
             memory=memory,
@@ -315,6 +316,9 @@ def validate(
 ) -> None:
     """Check a stage or a config and say what is in it.
 
+    Of a stage it tells everything that is wrong, by USD's own validators and by those of FGF-Warp, one line each. Where
+    there is an error, the exit code is 2.
+
     \b
     Example:
       fgf validate usd_scenes/stages/cloud_block.usda
@@ -327,11 +331,24 @@ def validate(
         _warn(warnings)
         return
     from generators.stage import load_scene  # noqa: PLC0415
+    from usd_scenes.validation import validate_stage  # noqa: PLC0415
 
-    base = load_scene(path)
-    typer.echo(f"{path}")
-    _print_scene(base.scene, base.width, base.height)
-    _warn(base.warnings)
+    findings = validate_stage(path)
+    for finding in findings:
+        typer.echo(finding)
+    counts = {kind: sum(finding.severity == kind for finding in findings) for kind in ("error", "warning")}
+    typer.echo(f"{path}: {_counted(counts['error'], 'error')}, {_counted(counts['warning'], 'warning')}")
+    try:
+        base = load_scene(path)
+    except FgfError:
+        if not counts["error"]:
+            raise
+        typer.echo("not accepted by the renderer")
+    else:
+        _print_scene(base.scene, base.width, base.height)
+        _warn(base.warnings)
+    if counts["error"]:
+        raise typer.Exit(EXIT_BAD_INPUT)
 
 
 @app.command()
@@ -493,7 +510,7 @@ def _choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | 
         return ["default" if default_time else None]
     if default_time:
         raise ConfigError("--defaultTime and --frames exclude each other; accepted: one of them")
-    from usd_scenes.reader import parse_frames  # noqa: PLC0415
+    from generators.pictures import parse_frames  # noqa: PLC0415
 
     return parse_frames(spec)
 
@@ -528,6 +545,10 @@ def _choose_aovs(names: list[str] | None) -> frozenset[Aov] | None:
     if unknown:
         raise ConfigError(f"--aov {unknown[0]}: accepted: {', '.join(Aov)}")
     return frozenset(Aov(name) for name in names)
+
+
+def _counted(number: int, thing: str) -> str:
+    return f"{number} {thing}{'' if number == 1 else 's'}"
 
 
 def _check_choice(option: str, value: str, accepted: Iterable[str]) -> None:

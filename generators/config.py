@@ -38,6 +38,23 @@ from fgf_warp.output.atomic import write_bytes
 from fgf_warp.settings import PRESETS, SEED_MAX, Aov, RenderSettings
 
 AxisParameter = Literal["H", "g", "S_w", "sigma_m", "L", "kappa", "albedo"]
+AovName = Literal[
+    "depth",
+    "variance",
+    "transmittance",
+    "albedo",
+    "samples",
+    "collisions",
+    "path_length",
+    "normal",
+    "prim_id",
+    "instance_id",
+    "motion",
+    "optical_depth",
+    "scatterings",
+    "direct",
+    "indirect",
+]
 AXIS_PARAMETERS: tuple[str, ...] = get_args(AxisParameter)
 RANDOM_FORMS = ("uniform", "loguniform")
 AXIS_FORMS = ("values", "linspace", "logspace", *RANDOM_FORMS)
@@ -156,7 +173,7 @@ class SweepConfig(_Model):
     image: ImageConfig = ImageConfig()
     spp: Count | None = None
     preset: Literal["preview", "balanced", "reference"] = "balanced"
-    aovs: list[Literal["depth", "variance", "transmittance", "albedo", "samples", "collisions", "path_length"]] = []
+    aovs: list[AovName] = []
     png: bool = True
     exposure: Annotated[float, Field(ge=-EXPOSURE_MAX, le=EXPOSURE_MAX)] = 0.0
     transport: Literal["reciprocal", "renewal", "mixed"] | None = None

@@ -5,6 +5,11 @@ import numpy as np
 from fgf_warp.result import RenderResult
 from fgf_warp.settings import Aov, RenderSettings
 
+VECTOR_AOVS = (
+    *(Aov.TRANSMITTANCE, Aov.ALBEDO, Aov.COLLISIONS, Aov.PATH_LENGTH),
+    *(Aov.NORMAL, Aov.OPTICAL_DEPTH, Aov.DIRECT, Aov.INDIRECT),
+)
+
 
 def made_up_render(settings: RenderSettings, **provenance) -> RenderResult:
     """A picture that follows from the seed alone, with every plane that the settings ask for."""
@@ -15,7 +20,9 @@ def made_up_render(settings: RenderSettings, **provenance) -> RenderResult:
         return rng.random((*shape, *channels), dtype=np.float32)
 
     planes = {Aov.DEPTH: plane() * 10}
-    planes |= {aov: plane(3) for aov in (Aov.TRANSMITTANCE, Aov.ALBEDO, Aov.COLLISIONS, Aov.PATH_LENGTH)}
+    planes |= {aov: plane(3) for aov in VECTOR_AOVS}
+    planes |= {Aov.MOTION: plane(2), Aov.SCATTERINGS: plane() * 10}
+    planes |= {aov: rng.integers(-1, 9, shape, dtype=np.int32) for aov in (Aov.PRIM_ID, Aov.INSTANCE_ID)}
     planes[Aov.DEPTH][0, 0] = np.inf
     return RenderResult(
         radiance=plane(3),

@@ -100,3 +100,14 @@ def camera_at(camera: Camera, time: float) -> Camera:
     moved.up = unit(camera.up * (1.0 - time) + camera.closing_up * time)
     moved.forward = unit(camera.forward * (1.0 - time) + camera.closing_forward * time)
     return moved
+
+
+@wp.func
+def pixel_of(camera: Camera, position: wp.vec3) -> wp.vec3:
+    """Where a sharp picture shows a point: columns from the left, rows from the top, and its depth [stage unit]."""
+    to_point = position - camera.position
+    depth = wp.dot(to_point, camera.forward)
+    scale = wp.where(camera.is_orthographic == 1, 1.0, depth)
+    x = wp.dot(to_point, camera.right) / scale
+    y = wp.dot(to_point, camera.up) / scale
+    return wp.vec3((x - camera.left_edge) / camera.pixel_width, (camera.top_edge - y) / camera.pixel_height, depth)

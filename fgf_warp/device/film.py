@@ -21,6 +21,16 @@ class Film:
     albedo: wp.array(dtype=wp.vec3d)
     collisions: wp.array(dtype=wp.vec3d)
     path_length: wp.array(dtype=wp.vec3d)
+    normal: wp.array(dtype=wp.vec3d)
+    motion: wp.array(dtype=wp.vec3d)
+    """The third number is 0."""
+    optical_depth: wp.array(dtype=wp.vec3d)
+    direct: wp.array(dtype=wp.vec3d)
+    scatterings: wp.array(dtype=wp.float64)
+    seen: wp.array(dtype=wp.float32)
+    """Distance of the nearest prim, not a sum; and which it is."""
+    prim: wp.array(dtype=wp.int32)
+    instance: wp.array(dtype=wp.int32)
     invalid: wp.array(dtype=wp.int32)
     """Samples that were not finite, and were left out."""
     truncated: wp.array(dtype=wp.int32)
@@ -39,6 +49,14 @@ class Tally:
     albedo: wp.vec3d
     collisions: wp.vec3d
     path_length: wp.vec3d
+    normal: wp.vec3d
+    motion: wp.vec3d
+    optical_depth: wp.vec3d
+    direct: wp.vec3d
+    scatterings: wp.float64
+    seen: float
+    prim: int
+    instance: int
     invalid: int
     truncated: int
 
@@ -54,6 +72,14 @@ class Sample:
     albedo: wp.vec3
     collisions: wp.vec3
     path_length: wp.vec3
+    normal: wp.vec3
+    motion: wp.vec3
+    optical_depth: wp.vec3
+    direct: wp.vec3
+    scatterings: float
+    seen: float
+    prim: int
+    instance: int
     truncated: int
 
 
@@ -89,4 +115,13 @@ def add_sample(before: Tally, sample: Sample, is_complete: bool) -> Tally:
     tally.albedo = add_where(is_valid, before.albedo, sample.albedo)
     tally.collisions = add_where(is_valid, before.collisions, sample.collisions)
     tally.path_length = add_where(is_valid, before.path_length, sample.path_length)
+    tally.normal = add_where(is_valid, before.normal, sample.normal)
+    tally.motion = add_where(is_valid, before.motion, sample.motion)
+    tally.optical_depth = add_where(is_valid, before.optical_depth, sample.optical_depth)
+    tally.direct = add_where(is_valid, before.direct, sample.direct)
+    tally.scatterings = before.scatterings + wp.float64(wp.where(is_valid, sample.scatterings, 0.0))
+    is_nearer = is_valid and sample.seen < before.seen
+    tally.seen = wp.where(is_nearer, sample.seen, before.seen)
+    tally.prim = wp.where(is_nearer, sample.prim, before.prim)
+    tally.instance = wp.where(is_nearer, sample.instance, before.instance)
     return tally

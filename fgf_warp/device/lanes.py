@@ -16,10 +16,12 @@ from fgf_warp.device.phase import Phase
 
 LANES = wp.constant(128)
 
-FIRST_AOVS = frozenset({"depth", "transmittance", "albedo"})
+FIRST_AOVS = frozenset({"depth", "transmittance", "albedo", "optical_depth"})
 """Planes of what a path meets first."""
-SUMMED_AOVS = ("collisions", "path_length")
-"""Planes of sums along a path."""
+SUMMED_AOVS = ("collisions", "path_length", "normal", "motion", "optical_depth")
+"""Planes of vectors that a path carries and a pixel sums, each by itself."""
+SPLIT_AOVS = frozenset({"direct", "indirect"})
+PRIM_AOVS = frozenset({"prim_id", "instance_id"})
 
 
 @wp.struct
@@ -58,6 +60,8 @@ class Path:
     """1: the segment began at a medium vertex, and its flight remembers the last one."""
     pdf_direction: float
     """pdf_solid_angle with which the path last scattered, at the ray's origin."""
+    links: wp.uint32
+    """Of the shape where the path last scattered: which linked lights shine there."""
     rates: wp.vec3
     """Per channel, at which the path is frozen in its medium, or NOT_FROZEN; equal unless the scene is chromatic."""
     channel: int
@@ -74,6 +78,15 @@ class Path:
     """In media so far, each weighted by the throughput before it."""
     path_length: wp.vec3
     """In media so far, weighted alike."""
+    first_normal: wp.vec3
+    first_motion: wp.vec3
+    first_optical_depth: wp.vec3
+    seen: float
+    """Distance of the prim that is met first, INFINITE before; and which it is."""
+    prim: int
+    instance: int
+    direct: wp.vec3
+    """The part of `radiance` that came before a second scattering event."""
 
     xi: wp.vec4
     """Of this event: flight, roulette, and two for the new direction."""
@@ -91,6 +104,16 @@ class Path:
     """Of the surface that is met, or where media differ, of the medium."""
     phase: Phase
     """Of the medium, where media differ."""
+    passes: int
+    """1: the surface that is met lets it pass, straight on."""
+    transmits: int
+    """1: it is scattered to the other side of the surface that it met."""
+    incoming: wp.vec3
+    """Throughput before the last surface."""
+    reflectance: wp.vec3
+    """Colour of the surface that is met."""
+    squeeze: float
+    """Square of the index of refraction where it is, over that at the camera: throughput is of L / n^2."""
     scatters: int
     """SURFACE or BOUNDARY (in a medium) where this event scatters the path on, else MISS."""
     wi: wp.vec3
@@ -125,8 +148,6 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"face": 1, "u": 1, "v": 1}
     if features.passes:
         sizes |= {"passed": 1}
-    if features.motion:
-        sizes |= {"time": 1}
     if features.lone_law == "":
         sizes |= {"segment": 1, "keeps": 1} | dict.fromkeys(features.phase_parameters, 1)
     if features.surfaces or features.connections:
@@ -134,19 +155,40 @@ def slots(features: Any) -> dict[str, int]:
     if features.surfaces or features.lone_law == "":
         sizes |= {"albedo": 3}
     if features.surfaces:
-        sizes |= {"normal": 3}
+        sizes |= {"hit_normal": 3}
     if features.connections:
         sizes |= {"pdf_direction": 1, "scatters": 1, "wi": 3}
-    if features.connections and not features.crossings:
+    if features.connects_in_lanes:
         sizes |= {"to_light": 3, "light_distance": 1, "light_share": 3}
+    if features.links:
+        sizes |= {"links": 1}
+    if features.shading:
+        sizes |= {"wi": 3, "pdf_direction": 1}
+        if features.connections:
+            sizes |= {"incoming": 3}
+        if "albedo" in features.aovs:
+            sizes |= {"reflectance": 3}
+    if features.passes:
+        sizes |= {"passes": 1}
+    if features.refracts:
+        sizes |= {"transmits": 1, "squeeze": 1}
     if features.chromatic:
         sizes |= {"channel": 1, "length": 1, "channel_pdfs": 3}
     if features.frozen:
         sizes |= {"rates": 3 if features.chromatic else 1}
     if features.aovs & FIRST_AOVS:
         sizes |= {"first_depth": 1, "first_transmittance": 3, "first_albedo": 3, "has_met_medium": 1}
-    sizes |= {name: 3 for name in SUMMED_AOVS if name in features.aovs}
-    return rows_of(sizes)
+    return rows_of(sizes | own_sizes(features))
+
+
+def own_sizes(features: Any) -> dict[str, int]:
+    """Numbers that both paths and tallies have for the planes that share none."""
+    sizes = {name: 3 for name in SUMMED_AOVS if name in features.aovs}
+    if features.aovs & SPLIT_AOVS:
+        sizes |= {"direct": 3}
+    if features.aovs & PRIM_AOVS:
+        sizes |= {"seen": 1, "prim": 1, "instance": 1}
+    return sizes
 
 
 def tally_slots(features: Any) -> dict[str, int]:
@@ -154,8 +196,9 @@ def tally_slots(features: Any) -> dict[str, int]:
     sizes = {"radiance": 3, "radiance_sq": 3, "alpha": 1, "invalid": 1, "truncated": 1}
     if features.aovs & FIRST_AOVS:
         sizes |= {"depth": 1, "transmittance": 3, "albedo": 3}
-    sizes |= {name: 3 for name in SUMMED_AOVS if name in features.aovs}
-    return rows_of(sizes)
+    if "scatterings" in features.aovs:
+        sizes |= {"scatterings": 1}
+    return rows_of(sizes | own_sizes(features))
 
 
 def rows_of(sizes: dict[str, int]) -> dict[str, int]:
@@ -253,6 +296,20 @@ def build_tallies(features: Any) -> tuple[Any, Any]:
             tally.collisions = get3d(sums, wp.static(at["collisions"]), i)
         if wp.static("path_length" in at):
             tally.path_length = get3d(sums, wp.static(at["path_length"]), i)
+        if wp.static("normal" in at):
+            tally.normal = get3d(sums, wp.static(at["normal"]), i)
+        if wp.static("motion" in at):
+            tally.motion = get3d(sums, wp.static(at["motion"]), i)
+        if wp.static("optical_depth" in at):
+            tally.optical_depth = get3d(sums, wp.static(at["optical_depth"]), i)
+        if wp.static("direct" in at):
+            tally.direct = get3d(sums, wp.static(at["direct"]), i)
+        if wp.static("scatterings" in at):
+            tally.scatterings = sums[wp.static(at["scatterings"]) * LANES + i]
+        if wp.static("seen" in at):
+            tally.seen = float(sums[wp.static(at["seen"]) * LANES + i])
+            tally.prim = int(sums[wp.static(at["prim"]) * LANES + i])
+            tally.instance = int(sums[wp.static(at["instance"]) * LANES + i])
         return tally
 
     @wp.func(inline=True)
@@ -270,6 +327,20 @@ def build_tallies(features: Any) -> tuple[Any, Any]:
             put3d(sums, wp.static(at["collisions"]), i, tally.collisions)
         if wp.static("path_length" in at):
             put3d(sums, wp.static(at["path_length"]), i, tally.path_length)
+        if wp.static("normal" in at):
+            put3d(sums, wp.static(at["normal"]), i, tally.normal)
+        if wp.static("motion" in at):
+            put3d(sums, wp.static(at["motion"]), i, tally.motion)
+        if wp.static("optical_depth" in at):
+            put3d(sums, wp.static(at["optical_depth"]), i, tally.optical_depth)
+        if wp.static("direct" in at):
+            put3d(sums, wp.static(at["direct"]), i, tally.direct)
+        if wp.static("scatterings" in at):
+            sums[wp.static(at["scatterings"]) * LANES + i] = tally.scatterings
+        if wp.static("seen" in at):
+            sums[wp.static(at["seen"]) * LANES + i] = wp.float64(tally.seen)
+            sums[wp.static(at["prim"]) * LANES + i] = wp.float64(tally.prim)
+            sums[wp.static(at["instance"]) * LANES + i] = wp.float64(tally.instance)
 
     return load_tally, store_tally
 
@@ -328,8 +399,6 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.hit.v = get(lanes, wp.static(at["v"]), i)
         if wp.static("passed" in at):
             path.start.passed = get(lanes, wp.static(at["passed"]), i)
-        if wp.static("time" in at):
-            path.start.time = get(lanes, wp.static(at["time"]), i)
         if wp.static("segment" in at):
             path.segment = get(lanes, wp.static(at["segment"]), i)
             path.keeps = get_int(lanes, wp.static(at["keeps"]), i)
@@ -344,16 +413,28 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.met = get3(lanes, wp.static(at["met"]), i)
         if wp.static("albedo" in at):
             path.albedo = get3(lanes, wp.static(at["albedo"]), i)
-        if wp.static("normal" in at):
-            path.hit.normal = get3(lanes, wp.static(at["normal"]), i)
+        if wp.static("hit_normal" in at):
+            path.hit.normal = get3(lanes, wp.static(at["hit_normal"]), i)
         if wp.static("pdf_direction" in at):
             path.pdf_direction = get(lanes, wp.static(at["pdf_direction"]), i)
-            path.scatters = get_int(lanes, wp.static(at["scatters"]), i)
             path.wi = get3(lanes, wp.static(at["wi"]), i)
+        if wp.static("scatters" in at):
+            path.scatters = get_int(lanes, wp.static(at["scatters"]), i)
+        if wp.static("incoming" in at):
+            path.incoming = get3(lanes, wp.static(at["incoming"]), i)
+        if wp.static("reflectance" in at):
+            path.reflectance = get3(lanes, wp.static(at["reflectance"]), i)
+        if wp.static("passes" in at):
+            path.passes = get_int(lanes, wp.static(at["passes"]), i)
+        if wp.static("transmits" in at):
+            path.transmits = get_int(lanes, wp.static(at["transmits"]), i)
+            path.squeeze = get(lanes, wp.static(at["squeeze"]), i)
         if wp.static("to_light" in at):
             path.to_light = get3(lanes, wp.static(at["to_light"]), i)
             path.light_distance = get(lanes, wp.static(at["light_distance"]), i)
             path.light_share = get3(lanes, wp.static(at["light_share"]), i)
+        if wp.static("links" in at):
+            path.links = wp.uint32(get_int(lanes, wp.static(at["links"]), i))
         if wp.static("channel" in at):
             path.channel = get_int(lanes, wp.static(at["channel"]), i)
             path.length = get(lanes, wp.static(at["length"]), i)
@@ -372,6 +453,18 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.collisions = get3(lanes, wp.static(at["collisions"]), i)
         if wp.static("path_length" in at):
             path.path_length = get3(lanes, wp.static(at["path_length"]), i)
+        if wp.static("normal" in at):
+            path.first_normal = get3(lanes, wp.static(at["normal"]), i)
+        if wp.static("motion" in at):
+            path.first_motion = get3(lanes, wp.static(at["motion"]), i)
+        if wp.static("optical_depth" in at):
+            path.first_optical_depth = get3(lanes, wp.static(at["optical_depth"]), i)
+        if wp.static("direct" in at):
+            path.direct = get3(lanes, wp.static(at["direct"]), i)
+        if wp.static("seen" in at):
+            path.seen = get(lanes, wp.static(at["seen"]), i)
+            path.prim = get_int(lanes, wp.static(at["prim"]), i)
+            path.instance = get_int(lanes, wp.static(at["instance"]), i)
         return path
 
     @wp.func(inline=True)
@@ -424,8 +517,6 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put(lanes, wp.static(at["v"]), i, path.hit.v)
         if wp.static("passed" in at):
             put(lanes, wp.static(at["passed"]), i, path.start.passed)
-        if wp.static("time" in at):
-            put(lanes, wp.static(at["time"]), i, path.start.time)
         if wp.static("segment" in at):
             put(lanes, wp.static(at["segment"]), i, path.segment)
             put_int(lanes, wp.static(at["keeps"]), i, path.keeps)
@@ -440,16 +531,28 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put3(lanes, wp.static(at["met"]), i, path.met)
         if wp.static("albedo" in at):
             put3(lanes, wp.static(at["albedo"]), i, path.albedo)
-        if wp.static("normal" in at):
-            put3(lanes, wp.static(at["normal"]), i, path.hit.normal)
+        if wp.static("hit_normal" in at):
+            put3(lanes, wp.static(at["hit_normal"]), i, path.hit.normal)
         if wp.static("pdf_direction" in at):
             put(lanes, wp.static(at["pdf_direction"]), i, path.pdf_direction)
-            put_int(lanes, wp.static(at["scatters"]), i, path.scatters)
             put3(lanes, wp.static(at["wi"]), i, path.wi)
+        if wp.static("scatters" in at):
+            put_int(lanes, wp.static(at["scatters"]), i, path.scatters)
+        if wp.static("incoming" in at):
+            put3(lanes, wp.static(at["incoming"]), i, path.incoming)
+        if wp.static("reflectance" in at):
+            put3(lanes, wp.static(at["reflectance"]), i, path.reflectance)
+        if wp.static("passes" in at):
+            put_int(lanes, wp.static(at["passes"]), i, path.passes)
+        if wp.static("transmits" in at):
+            put_int(lanes, wp.static(at["transmits"]), i, path.transmits)
+            put(lanes, wp.static(at["squeeze"]), i, path.squeeze)
         if wp.static("to_light" in at):
             put3(lanes, wp.static(at["to_light"]), i, path.to_light)
             put(lanes, wp.static(at["light_distance"]), i, path.light_distance)
             put3(lanes, wp.static(at["light_share"]), i, path.light_share)
+        if wp.static("links" in at):
+            put_int(lanes, wp.static(at["links"]), i, wp.int32(path.links))
         if wp.static("channel" in at):
             put_int(lanes, wp.static(at["channel"]), i, path.channel)
             put(lanes, wp.static(at["length"]), i, path.length)
@@ -468,5 +571,17 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put3(lanes, wp.static(at["collisions"]), i, path.collisions)
         if wp.static("path_length" in at):
             put3(lanes, wp.static(at["path_length"]), i, path.path_length)
+        if wp.static("normal" in at):
+            put3(lanes, wp.static(at["normal"]), i, path.first_normal)
+        if wp.static("motion" in at):
+            put3(lanes, wp.static(at["motion"]), i, path.first_motion)
+        if wp.static("optical_depth" in at):
+            put3(lanes, wp.static(at["optical_depth"]), i, path.first_optical_depth)
+        if wp.static("direct" in at):
+            put3(lanes, wp.static(at["direct"]), i, path.direct)
+        if wp.static("seen" in at):
+            put(lanes, wp.static(at["seen"]), i, path.seen)
+            put_int(lanes, wp.static(at["prim"]), i, path.prim)
+            put_int(lanes, wp.static(at["instance"]), i, path.instance)
 
     return load, store

@@ -11,6 +11,14 @@
 | ``samples.Y`` | `Aov.SAMPLES`; Y is the name that viewers show as a single grey plane |
 | ``collisions.R`` ``.G`` ``.B`` | `Aov.COLLISIONS` |
 | ``path_length.R`` ``.G`` ``.B`` | `Aov.PATH_LENGTH` |
+| ``normal.X`` ``.Y`` ``.Z`` | `Aov.NORMAL` |
+| ``prim_id.Y`` | `Aov.PRIM_ID`, whose names are ``prims`` in the header |
+| ``instance_id.Y`` | `Aov.INSTANCE_ID` |
+| ``motion.X`` ``.Y`` | `Aov.MOTION` |
+| ``optical_depth.R`` ``.G`` ``.B`` | `Aov.OPTICAL_DEPTH` |
+| ``scatterings.Y`` | `Aov.SCATTERINGS` |
+| ``direct.R`` ``.G`` ``.B`` | `Aov.DIRECT` |
+| ``indirect.R`` ``.G`` ``.B`` | `Aov.INDIRECT` |
 
 The string attribute ``fgf:parameters`` is one JSON object, `RenderResult.provenance`; EXR has no attribute type
 that keeps nested parameters in double precision.
@@ -39,6 +47,14 @@ AOV_CHANNELS: dict[Aov, tuple[str, ...]] = {
     Aov.SAMPLES: ("samples.Y",),
     Aov.COLLISIONS: ("collisions.R", "collisions.G", "collisions.B"),
     Aov.PATH_LENGTH: ("path_length.R", "path_length.G", "path_length.B"),
+    Aov.NORMAL: ("normal.X", "normal.Y", "normal.Z"),
+    Aov.PRIM_ID: ("prim_id.Y",),
+    Aov.INSTANCE_ID: ("instance_id.Y",),
+    Aov.MOTION: ("motion.X", "motion.Y"),
+    Aov.OPTICAL_DEPTH: ("optical_depth.R", "optical_depth.G", "optical_depth.B"),
+    Aov.SCATTERINGS: ("scatterings.Y",),
+    Aov.DIRECT: ("direct.R", "direct.G", "direct.B"),
+    Aov.INDIRECT: ("indirect.R", "indirect.G", "indirect.B"),
 }
 
 

@@ -83,8 +83,20 @@ def test_the_memory_that_an_image_is_said_to_need_is_what_it_takes(monkeypatch):
     """Its films are counted as they are, down to the byte."""
     settings = replace(SETTINGS, aovs=frozenset(Aov))
     monkeypatch.setattr(renderer, "DEVELOPING_BYTES", 0)
+    monkeypatch.setattr(renderer, "PLANE_BYTES", 0)
     film = renderer.begin(renderer.build_model(furnace(), settings)).film
-    own = ("radiance", "radiance_sq", "alpha", "depth", "invalid", "truncated")
+    own = (
+        "radiance",
+        "radiance_sq",
+        "alpha",
+        "depth",
+        "scatterings",
+        "seen",
+        "prim",
+        "instance",
+        "invalid",
+        "truncated",
+    )
     assert sum(getattr(film, name).capacity for name in (*own, *renderer.MEAN_AOVS)) == image_bytes(settings)
 
 

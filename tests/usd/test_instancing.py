@@ -262,7 +262,7 @@ def test_lights_of_instancers_are_named(read) -> None:
     body = "point3f[] positions = [(0, 0, 0)]\nint[] protoIndices = [0]\nrel prototypes = </P/L>\n"
     body += 'def SphereLight "L"\n{\n}'
     reading = read(f'def PointInstancer "P"\n{{\n{body}\n}}')
-    assert "light of an instancer gives no light: /P/L" in reading.warnings
+    assert "a light that is part of an instancer gives no light: /P/L" in reading.warnings
 
 
 def corners(shape: Mesh | MeshInstance) -> np.ndarray:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
-from fgf_warp.errors import SceneError
+from fgf_warp.errors import FgfError, SceneError
 from usd_scenes.reader.images import ImageFiles
 from usd_scenes.reader.notes import Notes
 
@@ -25,6 +27,7 @@ class StageContext:
         strict: True where what is missing is an error instead of a warning.
         notes: collects warnings.
         images: keeps the pictures that were read.
+        refusals: collects errors, so that all of a stage's are found; None: the first one is raised.
     """
 
     stage: Usd.Stage
@@ -35,6 +38,7 @@ class StageContext:
     strict: bool = False
     notes: Notes = field(default_factory=Notes)
     images: ImageFiles = field(default_factory=ImageFiles)
+    refusals: list[FgfError] | None = None
     _opening: UsdGeom.XformCache = field(init=False)
     _closing: UsdGeom.XformCache = field(init=False)
 
@@ -42,6 +46,16 @@ class StageContext:
         opening, closing = self.shutter_times
         object.__setattr__(self, "_opening", UsdGeom.XformCache(opening))
         object.__setattr__(self, "_closing", UsdGeom.XformCache(closing))
+
+    @contextmanager
+    def going_on(self) -> Iterator[None]:
+        """Keeps an error of what is read inside for `refusals`, where errors are collected."""
+        try:
+            yield
+        except (FgfError, Tf.ErrorException) as error:
+            if self.refusals is None:
+                raise
+            self.refusals.append(error if isinstance(error, FgfError) else SceneError(str(error)))
 
     def note_missing(self, text: str, path: object) -> None:
         """Notes that something is not there, or refuses the stage where it is to be read strictly.

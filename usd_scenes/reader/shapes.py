@@ -43,7 +43,7 @@ class ShapeReader:
         self._materials = materials
         self._forms: dict[Sdf.Path, Form] = {}
         self._parts: dict[object, Part] = {}
-        self._found: list[Solid | _Use] = []
+        self._found: list[tuple[Sdf.Path, Solid | _Use]] = []
 
     def read(self, met: Met) -> bool:
         """Reads a prim; False where it is no shape that can be rendered.
@@ -53,33 +53,35 @@ class ShapeReader:
         """
         prim = met.prim
         if solid := read_solid(prim, self._context):
-            self._found.extend(self._solids(met, solid))
+            self._found.extend((_link_path(met, solid.name), solid) for solid in self._solids(met, solid))
             return True
         if not (prim.IsA(UsdGeom.Mesh) or prim.GetTypeName() in FORM_READERS):
             return False
-        self._found.extend(self._uses(met))
+        self._found.extend((_link_path(met, use.name), use) for use in self._uses(met))
         return True
 
-    def shapes(self) -> list[Shape]:
-        """All that was read, in that order.
+    def shapes(self) -> list[tuple[Sdf.Path, Shape]]:
+        """All that was read, in that order, each with the path at which lights may be linked to it.
 
         Raises:
             SceneError: for points that are not finite, or a medium in a mesh that is not closed.
         """
         counts = Counter[int]()
-        for found in self._found:
+        for _, found in self._found:
             if isinstance(found, _Use) and found.is_shared:
                 counts[id(found.form)] += len(found.numbers)
         meshes: dict[int, Mesh] = {}
-        shapes: list[Shape] = []
-        for found in self._found:
-            if isinstance(found, Solid):
-                shapes.append(found)
-            elif counts[id(found.form)] <= 1 and np.array_equal(*found.matrices):
-                shapes.append(found.part.moved(found.matrices[0][0]).mesh())
-            else:
-                mesh = meshes.setdefault(id(found.part), found.part.mesh())
-                shapes.extend(self._instances(found, mesh))
+        shapes: list[tuple[Sdf.Path, Shape]] = []
+        for path, found in self._found:
+            with self._context.going_on():
+                if isinstance(found, Solid):
+                    shapes.append((path, found))
+                elif counts[id(found.form)] <= 1 and np.array_equal(*found.matrices):
+                    shapes.append((path, found.part.moved(found.matrices[0][0]).mesh()))
+                else:
+                    if id(found.part) not in meshes:
+                        meshes[id(found.part)] = found.part.mesh()
+                    shapes.extend((path, instance) for instance in self._instances(found, meshes[id(found.part)]))
         return shapes
 
     def _solids(self, met: Met, canonical: Canonical) -> list[Solid]:
@@ -178,3 +180,12 @@ class ShapeReader:
                 continue
             found[name] = values[0].astype(np.float32)
         return found
+
+
+def _link_path(met: Met, name: str) -> Sdf.Path:
+    """Where lights may be linked to a shape: its own path, or that of an instancer whose prototypes are elsewhere."""
+    path = Sdf.Path(name)
+    if met.copies is None:
+        return path
+    instancer = met.copies.instancers[0].GetPath()
+    return path if path.HasPrefix(instancer) else instancer
