@@ -73,7 +73,7 @@ def test_values_out_of_range_are_refused(read, attribute: str, message: str) -> 
         ('string inputs:fgf:hurst = "rough"', "/Look.inputs:fgf:hurst = rough; accepted: a finite number"),
         (
             "float inputs:fgf:hurts = 1",
-            "/Look.inputs:fgf:hurts is unknown, maybe inputs:fgf:hurst is meant",
+            "/Look.inputs:fgf:hurts is unknown, maybe inputs:fgf:hurst is meant; accepted: fgf:boundary",
         ),
         ("float fgf:kapa = 1", "/Look.fgf:kapa is unknown, maybe inputs:fgf:kappa is meant; accepted: fgf:boundary"),
         ("float inputs:fgf:qqq = 1", "/Look.inputs:fgf:qqq is unknown; accepted: fgf:boundary"),
