@@ -162,12 +162,13 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
     hanging = solids_in_tree(scene.shapes)
     tried = filled if hanging else scene.shapes
     triangles = Mesh | MeshInstance | MeshLight
+    motion = scene.camera.closing is not None or any(moves(shape) for shape in scene.shapes)
     return RenderFeatures(
         solids=frozenset(shape.kind for shape in tried if isinstance(shape, Solid)),
         meshes=bool(hanging) or any(isinstance(item, triangles) for item in (*scene.shapes, *scene.lights)),
         instances=bool(hanging) or any(isinstance(shape, MeshInstance) for shape in scene.shapes),
         solids_in_tree=bool(hanging),
-        motion=scene.camera.closing is not None or any(moves(shape) for shape in scene.shapes),
+        motion=motion,
         surfaces=bool(surfaces),
         shading=any(not surface.is_matte for surface in surfaces) or any(_has_normals(shape) for shape in scene.shapes),
         passes=passes,
@@ -187,9 +188,15 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         phases=frozenset(medium.phase_function for medium in media),
         frozen=any(medium.freezes_paths for medium in media),
         exact_variance=any(law.kind == "exact_fbm" for medium in media for law in medium.channel_laws),
-        aovs=settings.aovs & TRACED_AOVS,
+        aovs=_traced(settings, surfaces=bool(surfaces), motion=motion),
         sampler=settings.sampler,
     )
+
+
+def _traced(settings: RenderSettings, *, surfaces: bool, motion: bool) -> frozenset[Aov]:
+    """The planes to build for: without surfaces all normals are 0, and at rest all motion."""
+    empty = frozenset() if surfaces else frozenset({Aov.NORMAL})
+    return (settings.aovs & TRACED_AOVS) - empty - (frozenset() if motion else frozenset({Aov.MOTION}))
 
 
 LIGHT_KINDS: dict[type[Light], str] = {

@@ -1077,7 +1077,7 @@ class Scene:
         return replace(self, media=media)
 
 
-def drift(shape: Shape) -> np.ndarray:
+def drift_of(shape: Shape) -> np.ndarray:
     """(4, 4) float64 by which a point of a shape moves while the shutter is open, from its place at the opening."""
     if isinstance(shape, Mesh) or shape.closing is None:
         return np.zeros((4, 4))

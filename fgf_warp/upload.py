@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.device import camera as camera_device
-from fgf_warp.device import law, medium, numerics, phase, prims, surfaces, tables
+from fgf_warp.device import drift, law, medium, numerics, phase, surfaces, tables
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import LAW_KINDS, Limits, SceneData
 from fgf_warp.scene import (
@@ -24,14 +24,14 @@ from fgf_warp.scene import (
     Scene,
     Shape,
     Solid,
-    drift,
+    drift_of,
     encloses,
     moves,
     shape_bounds,
     solids_in_tree,
     unit_axes,
 )
-from fgf_warp.settings import PRIM_AOVS, Aov, RenderSettings
+from fgf_warp.settings import Aov, RenderSettings
 from fgf_warp.theory import fbm, kernels
 from fgf_warp.theory.law import LineLaw
 from fgf_warp.theory.mixture import RateMixture, mix_exact_rates, mix_rates
@@ -107,9 +107,9 @@ def upload(
     data.tables = rows.upload(device)
     iors = indices_of_refraction(containers)
     data.containers = wp.array([_container(s, scene, iors) for s in containers], dtype=medium.Container, device=device)
-    if settings.aovs & {*PRIM_AOVS, Aov.MOTION}:
-        data.surface_prims = _prims([shape for shape in shapes if shape.surface is not None], scene, device)
-        data.container_prims = _prims(containers, scene, device)
+    if Aov.MOTION in settings.aovs:
+        data.surface_drifts = _drifts([shape for shape in shapes if shape.surface is not None], device)
+        data.container_drifts = _drifts(containers, device)
     data.lights, data.light_tables = build_device_lights(scene, containers, device)
     low, high = scene.camera.start_bounds(settings.width, settings.height)
     inside = containers_around((low + high) / 2, containers)
@@ -266,17 +266,14 @@ def _ior_around(inside: int, containers: Sequence[Shape], scene: Scene) -> float
     return 1.0 if nearest is None or nearest.surface is None else nearest.surface.ior
 
 
-def _prims(shapes: Sequence[Shape], scene: Scene, device: str) -> wp.array:
-    numbers = {name: number for number, name in enumerate(scene.prims, start=1)}
-    prim: Any = prims.Prim
-    rows: Any = np.zeros(len(shapes), dtype=prim.numpy_dtype())
-    rows["number"] = [numbers[shape.name] for shape in shapes]
-    rows["instance"] = [shape.instance for shape in shapes]
+def _drifts(shapes: Sequence[Shape], device: str) -> wp.array:
+    struct: Any = drift.Drift
+    rows: Any = np.zeros(len(shapes), dtype=struct.numpy_dtype())
     for row, shape in zip(rows, shapes, strict=True):
         if moves(shape):
-            moved = drift(shape)
-            row["drift"], row["drift_offset"] = moved[:3, :3], moved[:3, 3]
-    return wp.array(rows, dtype=prim, device=device)
+            moved = drift_of(shape)
+            row["slope"], row["offset"] = moved[:3, :3], moved[:3, 3]
+    return wp.array(rows, dtype=struct, device=device)
 
 
 def _surface(shape: Shape) -> Any:
