@@ -52,6 +52,10 @@ def Xform "World"
         float inputs:intensity = 0.5
         asset inputs:texture:file = @sky.png@
     }
+    def DomeLight "Air"
+    {
+        color3f inputs:color = (0.1, 0.1, 0.2)
+    }
     def RectLight "Lamp" (
         prepend apiSchemas = ["ShapingAPI", "CollectionAPI:lightLink"]
     )
@@ -73,6 +77,67 @@ def Xform "World"
         double3 xformOp:translate = (0, -5, 0)
         uniform token[] xformOpOrder = ["xformOp:translate"]
     }
+    def SphereLight "Bulb"
+    {
+        float inputs:radius = 0.1
+        double3 xformOp:translate = (-3, 3, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    def DiskLight "Disk"
+    {
+        float inputs:radius = 0.3
+        asset inputs:texture:file = @sky.png@
+        double3 xformOp:translate = (3, 3, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    def RectLight "Window"
+    {
+        asset inputs:texture:file = @sky.png@
+        double3 xformOp:translate = (0, 3, 4)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    def DistantLight "Sun"
+    {
+        float inputs:intensity = 1
+        float inputs:angle = 1
+    }
+    def Mesh "Screen" (
+        prepend apiSchemas = ["MeshLightAPI"]
+    )
+    {
+        point3f[] points = [(-1, 4, -3), (1, 4, -3), (0, 5, -3)]
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+    }
+    def Cube "Fog" (
+        prepend apiSchemas = ["MaterialBindingAPI"]
+    )
+    {
+        double size = 1
+        double3 xformOp:translate.timeSamples = {
+            1: (-3, 0, 0),
+            2: (-3, 1, 0),
+        }
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        rel material:binding = </World/Looks/Fog>
+    }
+    def Cylinder "Dust" (
+        prepend apiSchemas = ["MaterialBindingAPI"]
+    )
+    {
+        double radius = 0.5
+        double height = 1
+        double3 xformOp:translate = (0, 0, -3)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        rel material:binding = </World/Looks/Dust>
+    }
+    def Sphere "Haze" (
+        prepend apiSchemas = ["MaterialBindingAPI"]
+    )
+    {
+        double radius = 0.4
+        rel material:binding = </World/Looks/Haze>
+    }
     def Mesh "Quad" (
         prepend apiSchemas = ["MaterialBindingAPI"]
     )
@@ -90,6 +155,7 @@ def Xform "World"
             interpolation = "uniform"
         )
         uniform token subdivisionScheme = "catmullClark"
+        uniform token subsetFamily:materialBind:familyType = "nonOverlapping"
         rel material:binding = </World/Looks/Paint>
 
         def GeomSubset "Half" (
@@ -104,10 +170,10 @@ def Xform "World"
     }
     def PointInstancer "Many"
     {
-        point3f[] positions = [(-2, 1, 0), (2, 1, 0), (0, 2, -1)]
-        quath[] orientations = [(1, 0, 0, 0), (0.7, 0.7, 0, 0), (1, 0, 0, 0)]
-        float3[] scales = [(1, 1, 1), (0.5, 1, 1), (1, 1, 2)]
-        int[] protoIndices = [0, 1, 0]
+        point3f[] positions = [(-2, 1, 0), (2, 1, 0), (0, 2, -1), (2, 2, 0)]
+        quath[] orientations = [(1, 0, 0, 0), (0.7, 0.7, 0, 0), (1, 0, 0, 0), (1, 0, 0, 0)]
+        float3[] scales = [(1, 1, 1), (0.5, 1, 1), (1, 1, 2), (1, 1, 1)]
+        int[] protoIndices = [0, 1, 0, 1]
         int64[] invisibleIds = [2]
         rel prototypes = [</World/Many/Ball>, </World/Many/Tent>]
 
@@ -141,6 +207,33 @@ def Xform "World"
     }
     def Scope "Looks"
     {
+        def Material "Fog" (
+            prepend apiSchemas = ["FgfMediumAPI"]
+        )
+        {
+            float inputs:fgf:hurst = -0.3
+            float inputs:fgf:whiteNoiseScale = 1
+            uniform token fgf:phaseFunction = "draine"
+            float inputs:fgf:draineAlpha = 1
+        }
+        def Material "Dust" (
+            prepend apiSchemas = ["FgfMediumAPI"]
+        )
+        {
+            float inputs:fgf:hurst = -0.7
+            float inputs:fgf:whiteNoiseScale = 0.1
+            uniform token fgf:phaseFunction = "isotropic"
+        }
+        def Material "Haze" (
+            prepend apiSchemas = ["FgfMediumAPI"]
+        )
+        {
+            float inputs:fgf:hurst = 0.3
+            float inputs:fgf:whiteNoiseScale = 0.01
+            float inputs:fgf:outerScale = 100
+            float inputs:fgf:asymmetry = 0.5
+            uniform token fgf:lineVariance = "exact"
+        }
         def Material "Paint"
         {
             token outputs:surface.connect = </World/Looks/Paint/Surface.outputs:surface>
@@ -376,7 +469,7 @@ def mutant(seed: int) -> str:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a stage: ``rendered``, ``refused``, or what must not be.
+    """What became of a stage: ``rendered``, ``refused``, ``read``, or what must not be.
 
     Args:
         kind: one word.
@@ -388,16 +481,23 @@ class Outcome:
 
 
 class Renderer:
-    """A process that renders stages one after the other with one kernel, started anew where it ended."""
+    """A process that renders stages one after the other with one kernel, started anew where it ended.
 
-    def __init__(self) -> None:
+    Args:
+        folder: for what it needs.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        write_pictures(folder)
+        self._companion = folder / "rich.usda"
+        self._companion.write_text(RICH)
         self._process: subprocess.Popen[str] | None = None
 
     def render(self, path: Path) -> Outcome:
         """Renders 8 by 8 pixels into a file beside the stage."""
         if self._process is None:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "tests.usd.fuzz_process"],
+                [sys.executable, "-m", "tests.usd.fuzz_process", str(self._companion)],
                 cwd=ROOT,
                 text=True,
                 stdin=subprocess.PIPE,

@@ -1,26 +1,30 @@
 """Renders the stages whose paths it is given, line by line, and answers each with a line of JSON.
 
-A stage whose kernel would need more than the one that has everything, such as another sampler's, cannot occur.
+All are rendered by one kernel: beside each stands all of the stage that has a bit of everything.
+A stage whose kernel would need still more is only read.
 """
 
 import json
 import os
 import sys
 import traceback
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import warp as wp
 from typer.testing import CliRunner
 
 from fgf_warp import renderer
+from fgf_warp.features import required_features
 from fgf_warp.output.exr import read_exr
-from fgf_warp.scene import Camera, Scene
-from fgf_warp.settings import RenderSettings
+from fgf_warp.scene import MeshInstance, Scene, Shape
+from fgf_warp.settings import Aov, RenderSettings
 from generators.cli import app
-from tests.usd.one_kernel import EVERYTHING
+from tests.usd.one_kernel import union
+from usd_scenes.reader import read_scene
 
 SIZE = 8
+SETTINGS = RenderSettings(width=SIZE, height=SIZE, spp=1, aovs=frozenset({Aov.VARIANCE}))
 OPTIONS = [
     "--imageWidth",
     str(SIZE),
@@ -39,6 +43,8 @@ def answer(path: Path) -> dict[str, str]:
     image = path.with_suffix(".exr")
     done = CliRunner().invoke(app, ["render", str(path), "-o", str(image), *OPTIONS])
     left = [other.name for other in path.parent.iterdir() if other.stem == path.stem and other not in (path, image)]
+    if isinstance(done.exception, NotRendered):
+        return {"kind": "read"}
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         return {"kind": "raised", "text": "".join(traceback.format_exception(done.exception))}
     if left:
@@ -53,14 +59,60 @@ def answer(path: Path) -> dict[str, str]:
     return {"kind": "refused" if done.exit_code == 2 else "invalid", "text": errors[0]}
 
 
+class Companion:
+    """A scene that stands beside all others, so that they need one kernel.
+
+    Args:
+        path: of its stage.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.scene = read_scene(path).scene
+        self.features = required_features(self.scene, SETTINGS)
+
+    def beside(self, scene: Scene) -> Scene:
+        """Both in one."""
+        shapes = tuple(_moved(shape, len(scene.media)) for shape in self.scene.shapes)
+        return replace(
+            scene,
+            shapes=scene.shapes + shapes,
+            media=scene.media + self.scene.media,
+            lights=scene.lights + self.scene.lights,
+        )
+
+    def has_kernel_for(self, scene: Scene) -> bool:
+        """True where the scene needs nothing that this one does not."""
+        return union([required_features(scene, SETTINGS), self.features]) == self.features
+
+
+def _moved(shape: Shape, media: int) -> Shape:
+    """The shape, of which the medium has moved up in the list."""
+    if isinstance(shape, MeshInstance):
+        return replace(shape, mesh=_moved(shape.mesh, media))
+    return shape if shape.medium is None else replace(shape, medium=shape.medium + media)
+
+
+class NotRendered(Exception):  # noqa: N818 - it is no error
+    """The scene was read, and needs a kernel of its own."""
+
+
 def main() -> None:
     wp.config.log_level = wp.LOG_WARNING
-    renderer.required_features = lambda _scene, _settings: EVERYTHING
     # What libraries print must not mix with the answers.
     out = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)
-    empty = Scene(camera=Camera(name="camera", camera_to_world=np.eye(4)))
-    renderer.prepare(empty, RenderSettings(width=SIZE, height=SIZE, spp=1))
+    companion = Companion(Path(sys.argv[1]))
+    prepare, render = renderer.prepare, renderer.render
+
+    def prepare_both(scene: Scene, settings: RenderSettings) -> object:
+        if not companion.has_kernel_for(scene):
+            raise NotRendered
+        return prepare(companion.beside(scene), settings)
+
+    renderer.required_features = lambda _scene, _settings: companion.features
+    prepare(companion.scene, SETTINGS)
+    renderer.prepare = prepare_both
+    renderer.render = lambda scene, settings, progress: render(companion.beside(scene), settings, progress)
     print("ready", file=out)
     for line in sys.stdin:
         print(json.dumps(answer(Path(line.strip()))), file=out)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from itertools import product
@@ -12,10 +13,13 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
 
+from fgf_warp import renderer
+from fgf_warp.features import RenderFeatures, required_features
 from fgf_warp.renderer import render
-from fgf_warp.scene import shape_bounds
+from fgf_warp.scene import Scene, shape_bounds
 from fgf_warp.settings import RenderSettings
 from generators.stage import image_size
+from tests.usd.one_kernel import union, with_lights_of
 from usd_scenes.reader import StageReading, read_scene, read_stage
 
 ASSETS = Path(__file__).parents[3] / "shared" / "usd_assets"
@@ -34,6 +38,19 @@ def reading_of(path: Path) -> StageReading:
     return read_scene(path)
 
 
+@pytest.fixture(scope="module")
+def few_kernels() -> Iterator[None]:
+    """Makes the renderer build one kernel for all stages with the same kinds of lights."""
+    shared = union(required_features(reading_of(path).scene, SETTINGS) for path in FILES)
+
+    def features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
+        return with_lights_of(shared, required_features(scene, settings))
+
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(renderer, "required_features", features)
+        yield
+
+
 def short(path: Path) -> str:
     return "/".join(path.parts[-2:])
 
@@ -45,7 +62,7 @@ def test_every_stage_is_read_without_a_word_on_the_terminal(path: Path, capfd: p
 
 
 @pytest.mark.parametrize("path", FILES, ids=short)
-def test_every_stage_is_rendered(path: Path, one_kernel: None) -> None:
+def test_every_stage_is_rendered(path: Path, few_kernels: None) -> None:
     scene, resolution = reading_of(path).scene, reading_of(path).resolution
     width, height = image_size(scene.camera, resolution, WIDTH, None)
     result = render(scene, replace(SETTINGS, width=width, height=min(height, HEIGHT_MAX)))
@@ -156,7 +173,7 @@ def test_instancing_is_of_no_effect_on_what_is_read(name: str) -> None:
         np.testing.assert_array_equal(shape_bounds(one), shape_bounds(other))
 
 
-def test_instanced_cubes_are_those_of_the_file_without_instancing(one_kernel: None) -> None:
+def test_instanced_cubes_are_those_of_the_file_without_instancing(few_kernels: None) -> None:
     """Pixel for pixel, once the sizes agree: the second file makes its first three cubes 0.2, 3 and 4 wide."""
     instanced = read_scene(INSTANCING / "instancedCubes2.usda").scene
     other = Usd.Stage.Open(str(INSTANCING / "instancedCubes2NoInstancing.usda"))

@@ -1,5 +1,6 @@
 """Stages with random mistakes: each becomes a picture or a refusal of a line or two, and nothing else."""
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,22 +12,25 @@ FEW, MANY = 60, 500
 
 
 @pytest.fixture(scope="module")
-def renderer() -> Iterator[Renderer]:
-    process = Renderer()
+def renderer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Renderer]:
+    process = Renderer(tmp_path_factory.mktemp("companion"))
     yield process
     process.close()
 
 
 def assert_clean(seeds: range, renderer: Renderer, folder: Path) -> None:
     write_pictures(folder)
-    found = {}
+    found, kinds = {}, Counter[str]()
     for seed in seeds:
         path = folder / f"{seed}.usda"
         path.write_text(mutant(seed), encoding="utf-8")
         outcome = renderer.render(path)
-        if outcome.kind not in ("rendered", "refused"):
+        kinds[outcome.kind] += 1
+        if outcome.kind not in ("rendered", "refused", "read"):
             found[seed] = outcome
     assert not found
+    assert kinds["rendered"] > len(seeds) / 5, kinds
+    assert kinds["read"] < len(seeds) / 10, kinds
 
 
 def test_a_stage_with_mistakes_is_rendered_or_refused(renderer: Renderer, tmp_path: Path) -> None:
