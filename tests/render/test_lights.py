@@ -17,6 +17,7 @@ from fgf_warp.scene import (
     DomeLight,
     Image,
     Medium,
+    MeshLight,
     Scene,
     Shaping,
     Solid,
@@ -77,6 +78,8 @@ SUN = np.full((32, 64), 0.5)
 SUN[9, 40] = 1e6
 DOWN = (0.0, 0.0, -1.0)
 TILTED = (0.6, 0.0, -0.8)
+SQUARE = np.array([[-1, -1, HEIGHT], [-1, 1, HEIGHT], [1, 1, HEIGHT], [1, -1, HEIGHT], [0.5, -1.5, HEIGHT + 2]])
+"""Corners that go round clockwise seen from above; and one out of their plane."""
 INTRICATE = {
     "cosine dome": dome_around_z(grey_image(np.maximum(np.sin(LATITUDES), 0)[:, None])),
     "dome of two hemispheres": dome_around_z(grey_image([[1.0], [0.0]])),
@@ -99,6 +102,8 @@ INTRICATE = {
     ),
     "cylinder": CylinderLight("/l", (0, 0, HEIGHT), (2.0, 0, 0), 0.5, (5.0,) * 3),
     "tilted cylinder": CylinderLight("/l", (-1.0, 0.3, 1.5), (0.6, 0.5, 0.7), 0.4, (5.0,) * 3),
+    "mesh": MeshLight("/l", SQUARE[[[0, 1, 2], [0, 2, 3]]], (5.0,) * 3),
+    "bent mesh": MeshLight("/l", SQUARE[[[0, 1, 2], [0, 2, 4], [2, 3, 4], [4, 3, 2]]], (5.0,) * 3),
     "hard cone": SphereLight("/l", (0, 0, HEIGHT), 0.7, (5.0,) * 3, shaping=Shaping(TILTED, math.radians(40))),
     "soft cone": SphereLight("/l", (0, 0, HEIGHT), 0.7, (5.0,) * 3, shaping=Shaping(TILTED, math.radians(60), 0.8)),
     "focus": AreaLight(
@@ -115,6 +120,7 @@ INTRICATE = {
     ),
 }
 CLOSED_FORMS = {
+    "mesh": 5 * math.pi * form_factor_of_square(1.0, HEIGHT),
     "cosine dome": 2 * math.pi / 3,
     "dome of one texel": math.pi,
     "linked dome": 2 * math.pi,
@@ -129,6 +135,7 @@ UNSEEN = (
     SphereLight("/u", BELOW, 1.0, BLACK),
     CylinderLight("/u", BELOW, (1, 0, 0), 1.0, BLACK),
     DomeLight("/u", BLACK, grey_image([[1.0]])),
+    MeshLight("/u", SQUARE[None, :3] - 60.0, BLACK),
 )
 """Black lights below the floor, so that all these scenes have one kernel."""
 

@@ -64,7 +64,8 @@ class Polygons:
 
 def find_primvar(prim: Usd.Prim, name: str) -> UsdGeom.Primvar:
     """The primvar of a prim, or the constant one that it inherits; an invalid one where there is none with a value."""
-    return UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    return found if found and found.HasValue() else UsdGeom.Primvar()  # displayColor is there without a value too.
 
 
 def read_primvar(primvar: UsdGeom.Primvar, polygons: Polygons, context: StageContext) -> Primvar | None:
