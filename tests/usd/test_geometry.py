@@ -217,6 +217,22 @@ def test_faces_of_mixed_size_are_all_kept() -> None:
     assert polygon_area(points, triangles)[1] == pytest.approx(1 + 0.5 + 1.5)
 
 
+def test_a_primvar_of_an_unknown_interpolation_is_left_out(read) -> None:
+    prim = """def Mesh "Shape"
+{
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+    color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0), (0, 0, 1)] (
+        interpolation = "Surface"
+    )
+}
+"""
+    accepted = "constant, uniform, varying, vertex, faceVarying"
+    text = f"primvar of interpolation 'Surface' is left out; accepted: {accepted}: /Shape.primvars:displayColor"
+    assert text in read(prim).warnings
+
+
 REVOLVED = [
     # prim type, attributes, volume, lowest and highest corner for the axis Z
     ("Cone", "", 2 * np.pi / 3, (-1, -1, -1), (1, 1, 1)),
