@@ -1,6 +1,6 @@
-"""Builds the tree of `device/bvh.py`: binary by the surface area heuristic, then collapsed to sixteen children.
+"""Builds the trees of `device/bvh.py`: binary by the surface area heuristic, then collapsed to sixteen children.
 
-Where that would make the tree deeper than a ray can keep track of, nodes have children of equal counts instead.
+Where that would make a tree deeper than a ray can keep track of, nodes have children of equal counts instead.
 """
 
 from __future__ import annotations
@@ -11,16 +11,36 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from fgf_warp.bvh_kernel import LEAF, WIDTH, open_nodes, split_ranges
+from fgf_warp.bvh_kernel import WIDTH, open_nodes, split_ranges
 
+LEAF = 8
+"""Triangles of a leaf, at most."""
 MARGIN = 1e-7
 """Of a box, relative to the largest coordinate: a flat box is met even where it is just behind a ray's origin, and
 slack relative to the distance makes it no thicker."""
 
 
 @dataclass(frozen=True, eq=False)
+class BoxTree:
+    """A tree over boxes, on the host.
+
+    Args:
+        boxes: (nodes, 6, 16) float32, x, y, z of the lower and upper sides of sixteen boxes; an empty child's box is
+            inside out.
+        children: (nodes, 16) int32, another node, or -1 - the index of a leaf; node 0 is the root.
+        leaves: (leaves, 2) int32, the first place in `order`, and how many.
+        order: (n,) int32, the boxes' numbers.
+    """
+
+    boxes: np.ndarray
+    children: np.ndarray
+    leaves: np.ndarray
+    order: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class WideTree:
-    """Arrays of the tree, on the host.
+    """Arrays of trees over triangles, on the host.
 
     Args:
         boxes: (12 nodes, 8) float32, a coordinate of sixteen boxes in two rows; an empty child's box is inside out.
@@ -35,6 +55,11 @@ class WideTree:
     triangles: np.ndarray
     owners: np.ndarray
     faces: np.ndarray
+
+    @property
+    def node_count(self) -> int:
+        """Of all trees."""
+        return len(self.children) // 2
 
 
 def load_builder() -> None:
@@ -56,12 +81,73 @@ def build_wide_tree(corners: Sequence[np.ndarray]) -> WideTree:
     all_corners = np.concatenate(corners)
     owner = np.repeat(np.arange(len(corners), dtype=np.int32), [len(c) for c in corners])
     face = np.concatenate([np.arange(len(c), dtype=np.int32) for c in corners])
-    count = len(all_corners)
+    low, high = bound_triangles(all_corners)
+    tree = build_box_tree(low, high, LEAF)
+    return WideTree(
+        boxes=_widen(tree.boxes, MARGIN * max(np.abs(low).max(), np.abs(high).max())).reshape(-1, LEAF),
+        children=tree.children.reshape(-1, LEAF),
+        **_fill_leaves(tree, all_corners, owner, face),
+    )
 
-    lo = wp.array(all_corners.min(axis=1), dtype=wp.vec3, device="cpu")
-    hi = wp.array(all_corners.max(axis=1), dtype=wp.vec3, device="cpu")
+
+def join_trees(trees: Sequence[WideTree], top: BoxTree | None) -> tuple[WideTree, list[int]]:
+    """Trees in the same arrays, one after the other.
+
+    Args:
+        trees: over triangles.
+        top: over boxes, one in each leaf; comes last, and its leaves are the numbers of its boxes.
+
+    Returns:
+        All of them; and for each its root, -1 where it has no nodes.
+    """
+    roots, children, nodes, leaves = [], [], 0, 0
+    for tree in trees:
+        roots.append(nodes if tree.node_count else -1)
+        children.append(_shift(tree.children, nodes, leaves))
+        nodes += tree.node_count
+        leaves += len(tree.owners)
+    boxes = [tree.boxes for tree in trees]
+    if top is not None:
+        roots.append(nodes)
+        number_of = np.append(-1 - top.order[top.leaves[:, 0]], 0)
+        boxes.append(top.boxes.reshape(-1, LEAF))
+        inner = np.where(top.children > 0, top.children + nodes, 0)
+        children.append(np.where(top.children < 0, number_of[-1 - top.children], inner).reshape(-1, LEAF))
+    joined = WideTree(
+        boxes=np.concatenate(boxes),
+        children=np.concatenate(children).astype(np.int32, copy=False),
+        **{key: np.concatenate([getattr(tree, key) for tree in trees]) for key in ("triangles", "owners", "faces")},
+    )
+    return joined, roots
+
+
+def _shift(children: np.ndarray, nodes: int, leaves: int) -> np.ndarray:
+    """Children of a tree that comes after so many nodes and leaves."""
+    return np.where(children < 0, children - np.int32(leaves), children + np.int32(nodes))
+
+
+def bound_triangles(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corner, (m, 3) each, of the box of each triangle, (m, 3, 3)."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+
+
+def build_box_tree(low: np.ndarray, high: np.ndarray, leaf: int) -> BoxTree:
+    """The tree over boxes.
+
+    Args:
+        low: (n, 3) float32, n > 0, their lowest corners.
+        high: (n, 3) float32, their highest.
+        leaf: how many of them a leaf holds, at most.
+
+    Returns:
+        A tree of at most `MAX_LEVELS` levels.
+    """
+    count = len(low)
+    lo = wp.array(low, dtype=wp.vec3, device="cpu")
+    hi = wp.array(high, dtype=wp.vec3, device="cpu")
     order = wp.array(np.arange(count, dtype=np.int32), dtype=int, device="cpu")
-    ranges, areas = _split(lo, hi, order)
+    ranges, areas = _split(lo, hi, leaf, order)
     boxes = wp.empty(shape=(count, 6, WIDTH), dtype=float, device="cpu")
     children = wp.zeros(shape=(count, WIDTH), dtype=int, device="cpu")
     leaves = wp.empty(shape=(count, 2), dtype=int, device="cpu")
@@ -72,24 +158,22 @@ def build_wide_tree(corners: Sequence[np.ndarray]) -> WideTree:
     wp.launch(
         open_nodes,
         dim=1,
-        inputs=[lo, hi, order, ranges, areas],
+        inputs=[lo, hi, leaf, order, ranges, areas],
         outputs=[costs, cuts, waiting, boxes, children, leaves, sizes],
         device="cpu",
     )
     node_count, leaf_count = (int(size) for size in sizes.numpy())
-    return WideTree(
-        boxes=_widen(boxes.numpy()[:node_count], MARGIN * np.abs(all_corners).max()).reshape(-1, LEAF),
-        children=children.numpy()[:node_count].reshape(-1, LEAF),
-        **_fill_leaves(leaves.numpy()[:leaf_count], order.numpy(), all_corners, owner, face),
+    return BoxTree(
+        boxes.numpy()[:node_count], children.numpy()[:node_count], leaves.numpy()[:leaf_count], order.numpy()
     )
 
 
-def _split(lo: wp.array, hi: wp.array, order: wp.array) -> tuple[wp.array, wp.array]:
-    """Reorders triangles into ranges, (n, 3) int, and returns these and their boxes' areas."""
+def _split(lo: wp.array, hi: wp.array, leaf: int, order: wp.array) -> tuple[wp.array, wp.array]:
+    """Reorders boxes into ranges, (n, 3) int, and returns these and their areas."""
     ranges = wp.empty(shape=(2 * len(order), 3), dtype=int, device="cpu")
     areas = wp.empty(shape=2 * len(order), dtype=float, device="cpu")
     size = wp.zeros(1, dtype=int, device="cpu")
-    wp.launch(split_ranges, dim=1, inputs=[lo, hi], outputs=[order, ranges, areas, size], device="cpu")
+    wp.launch(split_ranges, dim=1, inputs=[lo, hi, leaf], outputs=[order, ranges, areas, size], device="cpu")
     made = int(size.numpy()[0])
     return ranges[:made], areas[:made]
 
@@ -100,13 +184,12 @@ def _widen(boxes: np.ndarray, margin: np.float32) -> np.ndarray:
     return np.stack([np.nextafter(lower, -np.inf), np.nextafter(upper, np.inf)], axis=2).reshape(boxes.shape)
 
 
-def _fill_leaves(
-    leaves: np.ndarray, order: np.ndarray, corners: np.ndarray, owner: np.ndarray, face: np.ndarray
-) -> dict[str, np.ndarray]:
+def _fill_leaves(tree: BoxTree, corners: np.ndarray, owner: np.ndarray, face: np.ndarray) -> dict[str, np.ndarray]:
     """The leaves' rows."""
     lane = np.arange(LEAF)
-    is_filled = lane < leaves[:, 1:]
-    picked = order[np.where(is_filled, leaves[:, :1] + lane, leaves[:, :1])]
+    first = tree.leaves[:, :1]
+    is_filled = lane < tree.leaves[:, 1:]
+    picked = tree.order[np.where(is_filled, first + lane, first)]
     rows = np.where(is_filled[:, :, None, None], corners[picked], np.float32(np.nan))
     return {
         "triangles": np.ascontiguousarray(rows.transpose(0, 2, 3, 1)).reshape(-1, LEAF),

@@ -7,11 +7,9 @@ wp.set_module_options({"enable_backward": False, "max_unroll": 2})
 
 WIDTH = wp.constant(16)
 """Children of a node, at most."""
-LEAF = wp.constant(8)
-"""Triangles of a leaf, at most."""
 BINS = wp.constant(32)
 MAX_LEVELS = wp.constant(7)
-"""As deep as the traversal's stack, and room for 8 16^7 triangles."""
+"""As deep as the traversal's stack, and room for 16^7 full leaves."""
 UNBOUNDED = wp.constant(3.0e38)
 NO_WIDTH = wp.constant(1.0e-30)
 """A narrower range is not binned: the inverse of its width is not a float32."""
@@ -25,21 +23,26 @@ def half_area(extent: wp.vec3) -> float:
 
 @wp.func
 def bin_of(lo: wp.vec3, hi: wp.vec3, axis: int, start: float, scale: float) -> int:
-    """The bin in which a triangle's box has its (doubled) centre."""
+    """The bin in which a box has its (doubled) centre."""
     return wp.clamp(int((lo[axis] + hi[axis] - start) * scale), 0, BINS - 1)
 
 
 @wp.func
-def split_cost(extent: wp.vec3, count: int) -> float:
+def split_cost(extent: wp.vec3, count: int, leaf: int) -> float:
     """Of one side of a split: whole leaves, so that leaves are full."""
-    return half_area(extent) * float((count + LEAF - 1) // LEAF)
+    return half_area(extent) * float((count + leaf - 1) // leaf)
 
 
 @wp.func
 def split(
-    lo: wp.array(dtype=wp.vec3), hi: wp.array(dtype=wp.vec3), order: wp.array(dtype=int), first: int, count: int
+    lo: wp.array(dtype=wp.vec3),
+    hi: wp.array(dtype=wp.vec3),
+    order: wp.array(dtype=int),
+    first: int,
+    count: int,
+    leaf: int,
 ) -> int:
-    """Reorders a range of triangles into two and returns the size of the left one; binned, over all three axes.
+    """Reorders a range of boxes into two and returns the size of the left one; binned, over all three axes.
 
     Where no plane between bins parts the centroids, the range is halved as it stands.
     """
@@ -80,7 +83,7 @@ def split(
                 right_count += bin_count[b]
                 right_cost[b] = UNBOUNDED
                 if right_count > 0:
-                    right_cost[b] = split_cost(right_hi - right_lo, right_count)
+                    right_cost[b] = split_cost(right_hi - right_lo, right_count, leaf)
             left_lo = wp.vec3(UNBOUNDED)
             left_hi = wp.vec3(-UNBOUNDED)
             left_count = int(0)
@@ -89,7 +92,7 @@ def split(
                 left_hi = wp.max(left_hi, bin_hi[b - 1])
                 left_count += bin_count[b - 1]
                 if left_count > 0 and right_cost[b] < UNBOUNDED:
-                    cost = split_cost(left_hi - left_lo, left_count) + right_cost[b]
+                    cost = split_cost(left_hi - left_lo, left_count, leaf) + right_cost[b]
                     if cost < best_cost:
                         best_cost = cost
                         best_axis = axis
@@ -114,12 +117,13 @@ def split(
 def split_ranges(
     lo: wp.array(dtype=wp.vec3),
     hi: wp.array(dtype=wp.vec3),
+    leaf: int,
     order: wp.array(dtype=int),
     ranges: wp.array2d(dtype=int),
     areas: wp.array(dtype=float),
     size: wp.array(dtype=int),
 ):
-    """Splits all triangles until every range fits in a leaf.
+    """Splits all boxes until every range fits in a leaf, which holds `leaf` of them at most.
 
     ranges: (first, count, left part or 0); the right part follows the left one, and both come after the whole.
     size: how many ranges there are.
@@ -138,8 +142,8 @@ def split_ranges(
             box_hi = wp.max(box_hi, hi[order[i]])
         areas[one] = half_area(box_hi - box_lo)
         ranges[one, 2] = 0
-        if count > LEAF:
-            left = split(lo, hi, order, first, count)
+        if count > leaf:
+            left = split(lo, hi, order, first, count, leaf)
             ranges[one, 2] = made
             ranges[made, 0] = first
             ranges[made, 1] = left
@@ -188,6 +192,7 @@ def choose_cuts(
 def open_nodes(
     lo: wp.array(dtype=wp.vec3),
     hi: wp.array(dtype=wp.vec3),
+    leaf: int,
     order: wp.array(dtype=int),
     ranges: wp.array2d(dtype=int),
     areas: wp.array(dtype=float),
@@ -203,9 +208,9 @@ def open_nodes(
 
     waiting: what is to become a node, at its place: (range or -1, first, count, level).
 
-    The surface area heuristic may part one triangle from all others, so a node is opened by it only while the
-    levels below have room for all of its triangles. Else it and all below are opened into parts of equal counts,
-    and they have: a node with k levels below it never holds more than 8 16^(k + 1) triangles.
+    The surface area heuristic may part one box from all others, so a node is opened by it only while the levels
+    below have room for all of its boxes. Else it and all below are opened into parts of equal counts, and they have:
+    a node with k levels below it never holds more than 16^(k + 1) full leaves.
     """
     choose_cuts(ranges, areas, costs, cuts)
     node_count = int(1)
@@ -221,9 +226,9 @@ def open_nodes(
         first = waiting[node, 1]
         count = waiting[node, 2]
         level = waiting[node, 3]
-        # 8 = 2^3, 16 = 2^4; below the 31st bit, where int32 ends.
-        by_area = waiting[node, 0] >= 0 and count <= 1 << wp.min(3 + 4 * (MAX_LEVELS - level), 30)
-        parts = wp.min((count + LEAF - 1) // LEAF, WIDTH)
+        # 16 = 2^4; below the 31st bit, where int32 ends.
+        by_area = waiting[node, 0] >= 0 and count <= leaf << wp.min(4 * (MAX_LEVELS - level), 27)
+        parts = wp.min((count + leaf - 1) // leaf, WIDTH)
         if by_area:
             part_range[0] = waiting[node, 0]
             part_slots[0] = WIDTH
@@ -257,7 +262,7 @@ def open_nodes(
                 for i in range(part_first, part_first + part_count):
                     box_lo = wp.min(box_lo, lo[order[i]])
                     box_hi = wp.max(box_hi, hi[order[i]])
-                if part_count > LEAF:
+                if part_count > leaf:
                     waiting[node_count, 0] = one
                     waiting[node_count, 1] = part_first
                     waiting[node_count, 2] = part_count

@@ -9,6 +9,10 @@ class SceneError(FgfError):
     """A scene that cannot be rendered as written: a parameter out of its domain, a broken stage."""
 
 
+class OpenMeshError(SceneError):
+    """A mesh that a medium is to fill, and that is not closed."""
+
+
 class ConfigError(FgfError):
     """A setting, command-line value or sweep config that is not accepted."""
 

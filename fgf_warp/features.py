@@ -49,8 +49,8 @@ class RenderFeatures:
         shaped_lights: which of ``rect``, ``disk``, ``sphere``, ``cylinder`` and ``mesh`` lights there are: those that
             rays can meet.
         distant_lights: distant lights, with an extent or without.
-        environment: a dome. A uniform one is met by scattered rays and not connected to.
-        dome_image: a dome with an image, which is connected to.
+        environment: a dome that is the same everywhere and for all, met by scattered rays and not connected to.
+        dome_image: a dome with an image, or one that is linked or shaped, which is connected to.
         light_images: rects with an image.
         shaping: lights that emit unevenly.
         links: lights that shine on some shapes, or that some shapes cast shadows of.
@@ -97,6 +97,23 @@ class RenderFeatures:
     def connections(self) -> bool:
         """True where paths connect to lights (next-event estimation)."""
         return bool(self.shaped_lights) or self.distant_lights or self.dome_image
+
+    @property
+    def intricate_lights(self) -> bool:
+        """True where lights are looked at path by path: for their images, shapes or links."""
+        is_dressed = self.dome_image or self.light_images or self.shaping or self.links
+        return is_dressed or bool(self.shaped_lights & {"cylinder", "mesh"})
+
+    @property
+    def connects_in_lanes(self) -> bool:
+        """True where what is between a path and a light is found for all lanes at once."""
+        is_scalar = self.crossings or self.motion or self.instances or self.shading or self.intricate_lights
+        return self.connections and not is_scalar
+
+    @property
+    def refracts(self) -> bool:
+        """True where light enters media through surfaces."""
+        return self.passes and self.media
 
     @property
     def faces(self) -> bool:
@@ -151,14 +168,14 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         varied_starts=bool(scene.shapes_around_starts(settings.width, settings.height)),
         shaped_lights=frozenset(_light_kind(light) for light in scene.lights) - {"distant", "dome"},
         distant_lights=any(isinstance(light, DistantLight) for light in scene.lights),
-        environment=any(isinstance(light, DomeLight) for light in scene.lights),
-        dome_image=any(isinstance(light, DomeLight) and light.image is not None for light in scene.lights),
+        environment=any(isinstance(light, DomeLight) and light.is_plain for light in scene.lights),
+        dome_image=any(isinstance(light, DomeLight) and not light.is_plain for light in scene.lights),
         light_images=any(isinstance(light, AreaLight) and light.image is not None for light in scene.lights),
         shaping=any(light.shaping is not None for light in scene.lights),
         links=any(light.link is not None or light.shadow_link is not None for light in scene.lights),
         media=bool(media),
         lone_law=lone_law,
-        lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) else "",
+        lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) and not moves(filled[0]) else "",
         chromatic=any(medium.is_chromatic for medium in media),
         phases=frozenset(medium.phase_function for medium in media),
         frozen=any(medium.freezes_paths for medium in media),
@@ -214,7 +231,8 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
         law_why = f"the channels of {_listed(chromatic)} differ in extinction"
     else:
         law_why = f"{_named_all(filled)} are filled with media" if filled else "no shape is filled with a medium"
-    dome_images = [light.name for light in scene.lights if isinstance(light, DomeLight) and light.image is not None]
+    domes = [light for light in scene.lights if isinstance(light, DomeLight)]
+    dome_images = [dome.name for dome in domes if not dome.is_plain]
     shaped = AreaLight | SphereLight | CylinderLight | MeshLight
     lights = [*named(shaped | DistantLight), *dome_images]
     moving = [shape.name for shape in scene.shapes if moves(shape)]
@@ -268,8 +286,8 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
         Reason("connections to lights", features.connections, _why(lights)),
         Reason("lights with a shape", bool(features.shaped_lights), _why(named(shaped))),
         Reason("distant lights", features.distant_lights, _why(named(DistantLight))),
-        Reason("environment", features.environment, _why(named(DomeLight))),
-        Reason("environment with an image", features.dome_image, _why(dome_images)),
+        Reason("even environment", features.environment, _why([dome.name for dome in domes if dome.is_plain])),
+        Reason("environment to connect to", features.dome_image, _why(dome_images)),
         Reason(
             "images on lights",
             features.light_images,

@@ -20,7 +20,8 @@ import warp as wp
 
 from fgf_warp.device import fbm
 from fgf_warp.device import lanes as lanes_module
-from fgf_warp.device.bvh import Bvh, build_intersect_meshes
+from fgf_warp.device.bsdf import Bsdf, eval_bsdf, prepare_bsdf, rescale, sample_bsdf
+from fgf_warp.device.bvh import Bvh, build_intersect_meshes, build_place_instance
 from fgf_warp.device.camera import Camera, camera_at, camera_direction, camera_ray, far_distance, film_point
 from fgf_warp.device.drift import Drift, image_motion
 from fgf_warp.device.film import Film, Sample, Tally, add_sample
@@ -35,15 +36,19 @@ from fgf_warp.device.geometry import (
     SPHERE,
     SURFACE,
     Hit,
+    Motion,
     Solid,
     Start,
+    build_intersect_solids,
     chord,
     coordinate_reach,
     cross_boundary,
-    intersect_solids,
+    is_inside,
+    meet_open_surface,
     meet_solid_boundary,
     meet_solid_surface,
     offset_from_surface,
+    solid_at,
     solid_span,
     surface_distance,
 )
@@ -69,22 +74,28 @@ from fgf_warp.device.law import (
     segment_transmittance,
 )
 from fgf_warp.device.lights import (
+    CYLINDER_LIGHT,
     DISK,
     DISTANT,
+    DOME,
+    MESH_LIGHT,
     RECT,
     SPHERE_LIGHT,
     Light,
     LightSample,
+    LightTables,
+    build_lights,
+    chance,
+    choose_light,
     cone_pdf,
     emitted_radiance,
-    intersect_lights,
     is_in_distant_light,
     light_distance,
     light_pdf,
     meet_light,
     sample_light,
 )
-from fgf_warp.device.medium import Container, Medium, container_at, medium_at
+from fgf_warp.device.medium import Container, Medium, container_at, ior_at, medium_at, refracting_at
 from fgf_warp.device.numerics import INFINITE, choose, log_positive, max_component
 from fgf_warp.device.options import kernel_options
 from fgf_warp.device.phase import Phase, build_phase
@@ -101,6 +112,7 @@ from fgf_warp.device.rng import (
     pixel_shift,
     reverse_bits,
 )
+from fgf_warp.device.shading import Shade, Shading, read_surface
 from fgf_warp.device.surfaces import Surface, diffuse_pdf, sample_diffuse
 from fgf_warp.device.tables import draw_from
 from fgf_warp.features import RenderFeatures
@@ -116,6 +128,8 @@ SHORTEST_DEPTH = wp.constant(1.0e-30)
 """Mean optical depth below which a flight has no length: between medium vertices many have none where b is small."""
 CAMERA_RAY = wp.constant(-1.0)
 """Stands for the pdf of a direction that no light sampling competes with."""
+ALL_LINKS = wp.constant(wp.uint32(0xFFFFFFFF))
+"""Of what all lights shine on."""
 
 
 @wp.struct
@@ -127,8 +141,11 @@ class SceneData:
     solids: wp.array(dtype=Solid)
     lone_solid: int
     """The one that the only medium fills; used where one does."""
+    motions: wp.array(dtype=Motion)
+    """Of solids and instances that move."""
     meshes: Bvh
     surfaces: wp.array(dtype=Surface)
+    shading: Shading
     media: wp.array(dtype=Medium)
     """Of all images, image after image."""
     media_count: int
@@ -142,8 +159,11 @@ class SceneData:
     container_drifts: wp.array(dtype=Drift)
     """Of each of the surfaces and the containers, where a plane tells of motion."""
     lights: wp.array(dtype=Light)
+    light_tables: LightTables
     camera_inside: wp.uint32
     """Containers around what camera rays begin at, where they are the same for all."""
+    camera_ior: float
+    """Index of refraction there; where they are not the same, in the middle of where rays begin."""
     media_center: wp.vec3
     media_radius: float
     """A ball that holds all containers, used where they are not the same."""
@@ -215,7 +235,15 @@ LAW_KINDS = {
     "exact_fbm": int(EXACT_FBM),
 }
 SOLID_KINDS = {"sphere": int(SPHERE), "cube": int(CUBE), "cylinder": int(CYLINDER)}
-LIGHT_KINDS = {"distant": int(DISTANT), "rect": int(RECT), "disk": int(DISK), "sphere": int(SPHERE_LIGHT)}
+LIGHT_KINDS = {
+    "distant": int(DISTANT),
+    "rect": int(RECT),
+    "disk": int(DISK),
+    "sphere": int(SPHERE_LIGHT),
+    "dome": int(DOME),
+    "cylinder": int(CYLINDER_LIGHT),
+    "mesh": int(MESH_LIGHT),
+}
 """What the device calls them."""
 
 
@@ -232,7 +260,15 @@ def build_program(features: RenderFeatures) -> Program:
     solid_kinds = {SOLID_KINDS[kind] for kind in features.solids}
     shaped_kinds = {LIGHT_KINDS[kind] for kind in features.shaped_lights}
     light_kinds = shaped_kinds | ({int(DISTANT)} if features.distant_lights else set())
+    all_light_kinds = frozenset(light_kinds | ({int(DOME)} if features.dome_image else set()))
+    has_light_images = features.dome_image or features.light_images
+    intersect_lights, sample_any_light, any_light_pdf, any_radiance = build_lights(
+        all_light_kinds, has_light_images, features.shaping
+    )
+    has_beyond = features.distant_lights or features.dome_image
     meets_emitters = has_surfaces or features.connections
+    bsdf_count = int(LANES) if features.shading else 0
+    shades, passes, refracts = features.shading, features.passes, features.refracts
     # One medium of one law is the same for all lanes; anything else is looked up lane by lane.
     lone_law, lone_solid, has_crossings = features.lone_law, bool(features.lone_solid), features.crossings
     looks_up_flights = lone_law == "exact_fbm"
@@ -243,7 +279,8 @@ def build_program(features: RenderFeatures) -> Program:
     draw_more = draw_more_lattice if is_lattice else draw_more_independent
     pool_floats, sum_count = lane_floats(features), tally_floats(features)
     eval_phase, sample_phase = build_phase(features.phases)
-    intersect_meshes = build_intersect_meshes(features)
+    intersect_solids, intersect_meshes = build_intersect_solids(features), build_intersect_meshes(features)
+    place_instance = build_place_instance(features)
     load, store = lanes_module.build_lanes(features)
     load_tally, store_tally = lanes_module.build_tallies(features)
 
@@ -295,6 +332,10 @@ def build_program(features: RenderFeatures) -> Program:
         path.bounce = before.bounce + 1
         path.xi = draw(seed, before.pixel, before.turn, path.bounce, EVENT)
         path.flight = wp.where(before.keeps == 1, before.flight, INFINITE)
+        if wp.static(passes):
+            path.passes = 0
+        if wp.static(refracts):
+            path.transmits = 0
         return path
 
     @wp.func(inline=True)
@@ -420,10 +461,28 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func
+    def look_at_solids(scene: SceneData, before: Path) -> Path:
+        """At all of them but the lone one, lane by lane."""
+        path = before
+        for s in range(scene.solids.shape[0]):
+            solid = scene.solids[s]
+            if wp.static(features.motion):
+                solid = solid_at(solid, scene.motions, before.start.time)
+            if solid.surface >= 0:
+                if wp.static(passes):
+                    span = solid_span(solid, solid.kind, before.origin, before.direction)
+                    path.hit = meet_open_surface(solid, span, before.origin, before.direction, before.start, path.hit)
+                else:
+                    path = look_at_surface(path, solid, solid.kind, scene.surfaces[solid.surface])
+            elif wp.static(has_crossings):
+                path = look_at_boundary(path, solid, solid.kind)
+        return path
+
+    @wp.func
     def look_at_meshes(scene: SceneData, before: Path) -> Path:
         path = before
         path.hit = intersect_meshes(scene.meshes, before.origin, before.direction, before.start, before.hit)
-        if wp.static(has_surfaces):
+        if wp.static(has_surfaces and not shades):
             if path.hit.t < before.hit.t and path.hit.kind == SURFACE:
                 path.albedo = scene.surfaces[path.hit.item].diffuse
                 path.met = scene.surfaces[path.hit.item].emission
@@ -435,29 +494,176 @@ def build_program(features: RenderFeatures) -> Program:
         return wp.where(path.pdf_direction == CAMERA_RAY, 1.0, power_heuristic(path.pdf_direction, pdf_light))
 
     @wp.func(inline=True)
-    def look_at_light(before: Path, light: Light, kind: int, item: int, light_count: float) -> Path:
+    def look_at_light(before: Path, light: Light, kind: int, item: int) -> Path:
         path = before
         path.hit = meet_light(light, kind, item, before.origin, before.direction, before.hit)
         is_nearer = path.hit.t < before.hit.t
         position = before.origin + before.direction * wp.where(is_nearer, path.hit.t, 0.0)
-        pdf = light_pdf(light, kind, before.origin, position, before.direction) / light_count
+        pdf = light_pdf(light, kind, before.origin, position, before.direction) * chance(light)
         met = emitted_radiance(light, kind, before.direction) * hit_weight(before, pdf)
         path.met = choose(is_nearer, met, before.met)
         return path
 
     @wp.func(inline=True)
-    def look_beyond(before: Path, light: Light, light_count: float) -> Path:
+    def look_beyond(before: Path, light: Light) -> Path:
         """At a distant light, where nothing is before it."""
         path = before
         is_seen = before.hit.kind == MISS and is_in_distant_light(light, before.direction)
-        weight = hit_weight(before, cone_pdf(light.cone) / light_count)
+        weight = hit_weight(before, cone_pdf(light.cone) * chance(light))
         path.met = before.met + light.radiance * wp.where(is_seen, weight, 0.0)
+        return path
+
+    @wp.func(inline=True)
+    def shines_on(light: Light, links: wp.uint32) -> bool:
+        """True where a light is linked to a shape with these bits, or to all."""
+        return light.link == wp.uint32(0) or (light.link & links) != wp.uint32(0)
+
+    @wp.func
+    def found_light(scene: SceneData, path: Path, light: Light, position: wp.vec3) -> wp.vec3:
+        """What the path finds of a light by itself, times its mis_weight."""
+        if wp.static(features.links):
+            is_found = light.casters == wp.uint32(0) or path.pdf_direction == CAMERA_RAY
+            if not (shines_on(light, path.links) and is_found):
+                return wp.vec3(0.0)
+        pdf = any_light_pdf(light, scene.light_tables, path.hit, path.origin, position, path.direction)
+        radiance = any_radiance(light, scene.light_tables, path.hit, position, path.direction)
+        return radiance * hit_weight(path, pdf * chance(light))
+
+    @wp.func
+    def look_at_lights(scene: SceneData, before: Path) -> Path:
+        """The same at all lights, where one path at a time looks at them, after it has looked at the shapes."""
+        path = before
+        path.hit = intersect_lights(scene.lights, before.origin, before.direction, before.hit)
+        if path.hit.kind == LIGHT and path.hit.t < path.flight:
+            position = before.origin + before.direction * path.hit.t
+            path.met = found_light(scene, path, scene.lights[path.hit.item], position)
+        if wp.static(has_beyond):
+            if path.hit.kind == MISS and path.flight >= 0.5 * INFINITE:
+                for k in range(scene.lights.shape[0]):
+                    light = scene.lights[k]
+                    if light.kind == DOME or is_in_distant_light(light, path.direction):
+                        path.met += found_light(scene, path, light, path.origin)
         return path
 
     @wp.func(inline=True)
     def lone_attenuation(medium: Medium, t: float, from_medium: bool, rate: float) -> float:
         """Of a medium whose channels do not differ."""
         return pass_segment(medium.law, mean_optical_depth(medium.extinction[0], t), from_medium, rate)
+
+    # ---- shade: what does the surface do to light that it meets?
+
+    @wp.func
+    def read_shade(scene: SceneData, hit: Hit, direction: wp.vec3, start: Start) -> Shade:
+        """The surface at a hit, ready to be evaluated."""
+        look = scene.shading.looks[hit.item]
+        normals_to_world = wp.identity(n=3, dtype=float)
+        axes = wp.identity(n=3, dtype=float)
+        if wp.static(features.instances):
+            if look.instance >= 0:
+                placement = place_instance(scene.meshes, look.instance, start.time)
+                normals_to_world = wp.transpose(placement.to_object)
+                axes = wp.inverse(placement.to_object)
+        is_within = look.container >= 0 and is_inside(start.inside, look.container)
+        surface = read_surface(scene.shading, look, hit, direction, is_within, normals_to_world, axes)
+        if wp.static(refracts):
+            if look.container >= 0:
+                beyond = cross_boundary(start.inside, look.container)
+                surface.bsdf = put_glass(scene, surface.bsdf, start.inside, beyond)
+        surface.bsdf = prepare_bsdf(scene.shading.albedos, surface.bsdf, -direction)
+        return surface
+
+    @wp.func
+    def put_glass(scene: SceneData, before: Bsdf, inside: wp.uint32, beyond: wp.uint32) -> Bsdf:
+        """The surface with what is refracted between two places, where their indices differ."""
+        bsdf = before
+        here = refracting_at(scene.containers, inside)
+        there = refracting_at(scene.containers, beyond)
+        ior_here = float(1.0)
+        ior_there = float(1.0)
+        first = int(0)
+        second = int(0)
+        if here >= 0:
+            ior_here = scene.containers[here].ior
+            first = scene.containers[here].ior_number
+        if there >= 0:
+            ior_there = scene.containers[there].ior
+            second = scene.containers[there].ior_number
+        if ior_here != ior_there:
+            bsdf.eta = ior_there / ior_here
+            bsdf.front = scene.shading.glass[first * scene.shading.glass_count + second]
+            bsdf.back = scene.shading.glass[second * scene.shading.glass_count + first]
+        return bsdf
+
+    @wp.func
+    def is_hidden(scene: SceneData, container: int, inside: wp.uint32) -> bool:
+        """True of a boundary that light enters, where another medium fills the space on both sides of it."""
+        hidden = bool(False)
+        if wp.static(refracts):
+            if container >= 0:
+                beyond = cross_boundary(inside, container)
+                hidden = medium_at(scene.containers, inside) == medium_at(scene.containers, beyond)
+        return hidden
+
+    @wp.func
+    def pass_surface(scene: SceneData, before: Path, container: int, weight: wp.vec3, keeps: bool) -> Path:
+        """It goes straight on; on a boundary, on the other side of it."""
+        path = before
+        path.passes = 1
+        path.albedo = weight
+        path.keeps = wp.where(keeps, 1, 0)
+        if container >= 0:
+            path.start.t_min = before.hit.t
+            path = change_side(scene, path, container)
+        else:
+            path.start.passed = before.hit.t
+        return path
+
+    @wp.func
+    def change_side(scene: SceneData, before: Path, container: int) -> Path:
+        """It is on the other side of a boundary."""
+        path = before
+        path.start.inside = cross_boundary(before.start.inside, container)
+        index = ior_at(scene.containers, path.start.inside) / scene.camera_ior
+        path.squeeze = index * index
+        return path
+
+    @wp.func(inline=True)
+    def reaches_surface(path: Path) -> bool:
+        """True where a surface is what it meets, and it was not scattered before."""
+        return path.hit.kind == SURFACE and path.flight > path.hit.t
+
+    @wp.func
+    def shade(scene: SceneData, before: Path, seed: wp.uint64):
+        """What becomes of a path that reaches a surface, and the surface, lane by lane."""
+        path = before
+        container = scene.shading.looks[before.hit.item].container
+        path.start.crossed = container
+        path.keeps = 0
+        if is_hidden(scene, container, before.start.inside):
+            return pass_surface(scene, path, container, wp.vec3(1.0), True), Bsdf()
+        surface = read_shade(scene, before.hit, before.direction, before.start)
+        bsdf = surface.bsdf
+        path.met = surface.emission
+        path.reflectance = surface.reflectance
+        path.hit.normal = bsdf.facet
+        if wp.static(Aov.NORMAL in features.aovs):
+            if before.depth == 0:
+                path.first_normal = bsdf.normal
+        # Numbers of their own: what is drawn for the event says already that it comes here.
+        more = draw_more(seed, before.pixel, before.turn, before.bounce, CONNECTION)
+        if wp.static(passes):
+            if more[0] < bsdf.p_pass:
+                return pass_surface(scene, path, container, bsdf.passes / bsdf.p_pass, container < 0), bsdf
+        chooses = rescale(more[0], bsdf.p_pass, 1.0 - bsdf.p_pass)
+        s = sample_bsdf(scene.shading.albedos, bsdf, wp.vec4(before.xi[2], before.xi[3], chooses, more[1]))
+        path.wi = s.wi
+        path.albedo = s.weight
+        path.pdf_direction = wp.where(s.is_delta == 1, CAMERA_RAY, s.pdf)
+        if wp.static(refracts):
+            path.transmits = s.transmits
+            if s.transmits == 1:
+                path = change_side(scene, path, container)
+        return path, bsdf
 
     # ---- meet: what of the scene does it find there, and does the light end here?
 
@@ -494,11 +700,12 @@ def build_program(features: RenderFeatures) -> Program:
         hit.t = t_max
         hit.kind = MISS
         if wp.static(has_solids):
-            hit = intersect_solids(scene.solids, origin, direction, start, hit)
+            hit = intersect_solids(scene.solids, scene.motions, origin, direction, start, hit)
         if wp.static(features.meshes):
             hit = intersect_meshes(scene.meshes, origin, direction, start, hit)
         if wp.static(has_lights):
-            hit = intersect_lights(scene.lights, origin, direction, hit)
+            if start.casters == wp.uint32(0):
+                hit = intersect_lights(scene.lights, origin, direction, hit)
         return hit
 
     @wp.func
@@ -532,6 +739,8 @@ def build_program(features: RenderFeatures) -> Program:
         path = before
         scatters = before.medium >= 0 and before.flight <= before.hit.t
         path.keeps = 0
+        if wp.static(passes):
+            path.keeps = wp.where(before.passes == 1, before.keeps, 0)
         if wp.static(lone_law == ""):
             if before.hit.kind == BOUNDARY and not scatters:
                 beyond = medium_at(scene.containers, cross_boundary(before.start.inside, before.hit.item))
@@ -584,12 +793,21 @@ def build_program(features: RenderFeatures) -> Program:
     def cross(before: Path, is_alive: bool, crosses: bool, scatters_in_medium: bool, meets_surface: bool) -> Path:
         """A boundary lets it through, and ends its memory unless the medium is the same beyond."""
         path = before
+        is_new = is_alive
+        if wp.static(passes):
+            is_new = is_alive and before.passes == 0
         crossed = cross_boundary(before.start.inside, wp.where(crosses, before.hit.item, 0))
         path.start.inside = wp.where(crosses, crossed, before.start.inside)
-        path.start.t_min = wp.where(crosses, before.hit.t, wp.where(is_alive, 0.0, before.start.t_min))
-        path.start.crossed = wp.where(crosses, before.hit.item, wp.where(is_alive, -1, before.start.crossed))
+        path.start.t_min = wp.where(crosses, before.hit.t, wp.where(is_new, 0.0, before.start.t_min))
+        last_crossed = wp.where(is_new, -1, before.start.crossed)
+        if wp.static(refracts):
+            last_crossed = wp.where(meets_surface, before.start.crossed, last_crossed)
+        path.start.crossed = wp.where(crosses, before.hit.item, last_crossed)
         renewed = wp.where(before.keeps == 1, before.segment, before.hit.t)
-        path.segment = wp.where(crosses, renewed, wp.where(is_alive, 0.0, before.segment))
+        if wp.static(passes):
+            path.segment = wp.where(crosses or before.passes == 1, renewed, wp.where(is_new, 0.0, before.segment))
+        else:
+            path.segment = wp.where(crosses, renewed, wp.where(is_alive, 0.0, before.segment))
         step = 2.0 * OFFSET * coordinate_reach(before.origin, 2.0 * before.hit.t)
         path.start.slack = wp.where(meets_surface, step, wp.where(scatters_in_medium, 0.0, before.start.slack))
         path.crossings = before.crossings + wp.where(crosses, 1, 0)
@@ -605,7 +823,16 @@ def build_program(features: RenderFeatures) -> Program:
         escapes = arrives and before.hit.kind == MISS
         meets_light = arrives and before.hit.kind == LIGHT
         meets_surface = arrives and before.hit.kind == SURFACE
+        goes_on = crosses
+        ends_light = escapes or meets_light or meets_surface
         is_lost = bool(False)
+        if wp.static(passes):
+            # What passes is not scattered, but meets emission.
+            goes_straight = meets_surface and before.passes == 1
+            goes_on = crosses or goes_straight
+            meets_surface = meets_surface and before.passes == 0
+            anew = scatters_in_medium or meets_surface
+            path.start.passed = wp.where(anew, 0.0, before.start.passed)
 
         if wp.static(Aov.DEPTH in features.aovs):
             nearest = before.hit.t
@@ -617,6 +844,8 @@ def build_program(features: RenderFeatures) -> Program:
                     t_in = wp.where(t_in <= before.hit.t, t_in, INFINITE)
                 nearest = wp.min(nearest, t_in)
             is_first = before.depth == 0 and nearest < INFINITE and before.first_depth == INFINITE
+            if wp.static(passes):
+                is_first = is_first and before.passes == 0
             view = camera_of(camera, before)
             ahead = nearest * wp.dot(before.direction, view.forward)
             if wp.static(features.lens):
@@ -648,11 +877,14 @@ def build_program(features: RenderFeatures) -> Program:
             path.path_length = before.path_length + wp.cw_mul(before.throughput, weight) * length
 
         # Light ends there: what it met, or what is beyond the scene.
+        share = before.throughput
+        if wp.static(refracts):
+            share = before.throughput * (1.0 / before.squeeze)
         if wp.static(meets_emitters):
-            ends_there = wp.where(escapes or meets_light or meets_surface, 1.0, 0.0)
-            path.radiance = path.radiance + wp.cw_mul(before.throughput, wp.cw_mul(before.met, weight)) * ends_there
+            ends_there = wp.where(ends_light, 1.0, 0.0)
+            path.radiance = path.radiance + wp.cw_mul(share, wp.cw_mul(before.met, weight)) * ends_there
         if wp.static(features.environment):
-            beyond = wp.cw_mul(before.throughput, wp.cw_mul(environment, weight))
+            beyond = wp.cw_mul(share, wp.cw_mul(environment, weight))
             path.radiance = path.radiance + beyond * wp.where(escapes, 1.0, 0.0)
         if wp.static(splits):
             path.direct = choose(before.depth <= 1, path.radiance, before.direct)
@@ -679,18 +911,31 @@ def build_program(features: RenderFeatures) -> Program:
                 t = wp.where(scatters_in_medium, wp.min(before.flight, clear), t)
         path.origin = before.origin + before.direction * t
         if wp.static(has_surfaces):
-            faces = wp.dot(before.hit.normal, before.direction) < 0.0
-            normal = choose(faces, before.hit.normal, -before.hit.normal)
+            normal = before.hit.normal
+            if wp.static(not shades):
+                faces = wp.dot(before.hit.normal, before.direction) < 0.0
+                normal = choose(faces, before.hit.normal, -before.hit.normal)
             path.hit.normal = normal
-            if wp.static(Aov.NORMAL in features.aovs):
+            side = normal
+            if wp.static(refracts):
+                side = choose(before.transmits == 1, -normal, normal)
+            if wp.static(Aov.NORMAL in features.aovs and not shades):
                 path.first_normal = choose(before.depth == 0 and meets_surface, normal, before.first_normal)
-            off_surface = offset_from_surface(path.origin, normal, before.hit.t)
+            off_surface = offset_from_surface(path.origin, side, before.hit.t)
             path.origin = choose(meets_surface, off_surface, path.origin)
-            wi = choose(meets_surface, sample_diffuse(normal, before.xi[2], before.xi[3]), wi)
+            if wp.static(shades):
+                wi = choose(meets_surface, before.wi, wi)
+            else:
+                wi = choose(meets_surface, sample_diffuse(normal, before.xi[2], before.xi[3]), wi)
             albedo = choose(meets_surface, before.albedo, albedo)
+            if wp.static(passes):
+                albedo = choose(goes_straight, before.albedo, albedo)
         if wp.static(Aov.ALBEDO in features.aovs):
             is_first = before.depth == 0 and would_scatter
-            path.first_albedo = choose(is_first, albedo, before.first_albedo)
+            color = albedo
+            if wp.static(shades):
+                color = choose(meets_surface, before.reflectance, albedo)
+            path.first_albedo = choose(is_first, color, before.first_albedo)
         if wp.static(tells_prims):
             is_first = before.depth == 0 and would_scatter
             container = int(0)
@@ -706,8 +951,15 @@ def build_program(features: RenderFeatures) -> Program:
         scatters = would_scatter and not is_absorbed and not is_cut
         path.throughput = choose(scatters, dimmed, before.throughput)
         path.wi = choose(scatters, wi, before.direction)
-        path.scatters = wp.where(scatters, wp.where(meets_surface, SURFACE, BOUNDARY), MISS)
-        remembers = scatters_in_medium or (crosses and before.keeps == 1 and before.from_medium == 1)
+        connects = scatters
+        if wp.static(passes):
+            path.throughput = choose(scatters or goes_straight, dimmed, before.throughput)
+        if wp.static(shades):
+            # A surface from which no direction is found may still be lit.
+            connects = scatters or (meets_surface and is_absorbed and before.depth < limits.max_depth)
+            path.incoming = before.throughput
+        path.scatters = wp.where(connects, wp.where(meets_surface, SURFACE, BOUNDARY), MISS)
+        remembers = scatters_in_medium or (goes_on and before.keeps == 1 and before.from_medium == 1)
         path.from_medium = wp.where(remembers, 1, 0)
         path.alpha = wp.where(would_scatter or meets_light, 1.0, before.alpha)
         path.truncated = wp.where(is_cut or is_lost, 1, before.truncated)
@@ -718,7 +970,20 @@ def build_program(features: RenderFeatures) -> Program:
     # ---- connect: next-event estimation.
 
     @wp.func
-    def passage(scene: SceneData, path: Path, direction: wp.vec3, distance: float, seed: wp.uint64) -> Connection:
+    def links_here(scene: SceneData, path: Path) -> wp.uint32:
+        """Of what the path has just been scattered by."""
+        if wp.static(has_surfaces):
+            if path.scatters == SURFACE:
+                return scene.surfaces[path.hit.item].light_links
+        links = wp.uint32(ALL_LINKS)
+        if wp.static(features.media):
+            links = scene.containers[container_at(scene.containers, path.start.inside)].light_links
+        return links
+
+    @wp.func
+    def passage(
+        scene: SceneData, path: Path, light: Light, direction: wp.vec3, distance: float, seed: wp.uint64
+    ) -> Connection:
         """What passes from a vertex to a light through the media between them."""
         result = Connection()
         result.transmittance = wp.vec3(1.0)
@@ -726,18 +991,35 @@ def build_program(features: RenderFeatures) -> Program:
         segment = float(0.0)
         from_medium = path.from_medium == 1
         medium = int(-1)
+        casting = ALL_LINKS
+        if wp.static(features.links):
+            start.casters = light.casters
+            casting = light.casting_containers
         if wp.static(features.media):
-            medium = medium_at(scene.containers, start.inside)
+            medium = medium_at(scene.containers, start.inside & casting)
         for _ in range(MAX_CROSSINGS):
             hit = intersect(scene, path.origin, direction, distance, start)
             beyond = int(-1)
+            gate = int(-1)
+            lets_through = hit.kind == BOUNDARY
+            if hit.kind == BOUNDARY:
+                gate = hit.item
+            if wp.static(passes):
+                if hit.kind == SURFACE:
+                    straight = straight_share(scene, hit, direction, start)
+                    result.transmittance = wp.cw_mul(result.transmittance, straight)
+                    lets_through = max_component(straight) > 0.0
+                    gate = scene.shading.looks[hit.item].container
+                    if gate < 0:
+                        start.passed = hit.t
             if wp.static(features.media):
-                if hit.kind == BOUNDARY:
-                    start.inside = cross_boundary(start.inside, hit.item)
+                beyond = medium
+                if lets_through and gate >= 0:
+                    start.inside = cross_boundary(start.inside, gate)
                     start.t_min = hit.t
-                    start.crossed = hit.item
-                    beyond = medium_at(scene.containers, start.inside)
-                if medium >= 0 and (hit.kind != BOUNDARY or beyond != medium):
+                    start.crossed = gate
+                    beyond = medium_at(scene.containers, start.inside & casting)
+                if medium >= 0 and (not lets_through or beyond != medium):
                     crossed = scene.media[scene.first_medium + medium]
                     rates = path.rates
                     if wp.static(features.frozen and not freezes_at_birth):
@@ -746,7 +1028,7 @@ def build_program(features: RenderFeatures) -> Program:
                     result.transmittance = wp.cw_mul(result.transmittance, passed)
             if hit.kind == MISS:
                 return result
-            if hit.kind != BOUNDARY:
+            if not lets_through:
                 result.transmittance = wp.vec3(0.0)
                 return result
             if beyond != medium:
@@ -756,6 +1038,17 @@ def build_program(features: RenderFeatures) -> Program:
         result.transmittance = wp.vec3(0.0)
         result.truncated = 1
         return result
+
+    @wp.func
+    def straight_share(scene: SceneData, hit: Hit, direction: wp.vec3, start: Start) -> wp.vec3:
+        """Of light that meets a surface, what passes straight on."""
+        look = scene.shading.looks[hit.item]
+        if scene.shading.materials[look.material].may_pass == 0:
+            return wp.vec3(0.0)
+        if is_hidden(scene, look.container, start.inside):
+            return wp.vec3(1.0)
+        surface = read_shade(scene, hit, direction, start)
+        return surface.bsdf.passes
 
     @wp.func(inline=True)
     def scatter_pdf(path: Path, lone: Medium, wi: wp.vec3) -> float:
@@ -776,41 +1069,84 @@ def build_program(features: RenderFeatures) -> Program:
         return draw(seed, path.pixel, path.turn, path.bounce, CONNECTION)
 
     @wp.func(inline=True)
-    def chosen_light(xi: float, light_count: int) -> int:
-        return wp.min(int(xi * float(light_count)), light_count - 1)
-
-    @wp.func(inline=True)
-    def aim_connection(before: Path, lone: Medium, towards: LightSample, light_count: int) -> Path:
+    def aim_connection(before: Path, lone: Medium, towards: LightSample, pdf_choice: float) -> Path:
         """The connection to a point of a light, as if nothing were between."""
         path = before
         path.to_light = towards.direction
         # Just short of the light, which would block itself.
         short_of = towards.distance - OFFSET * coordinate_reach(path.origin, wp.min(towards.distance, 1.0e30))
         path.light_distance = wp.where(towards.distance < INFINITE, short_of, INFINITE)
-        pdf_light = towards.pdf_solid_angle / float(light_count)
+        pdf_light = towards.pdf_solid_angle * pdf_choice
         pdf_scatter = scatter_pdf(before, lone, towards.direction)
         is_possible = before.scatters != MISS and pdf_light > 0.0 and pdf_scatter > 0.0
         pdf_light = wp.where(is_possible, pdf_light, 1.0)
-        mis_weight = wp.where(towards.is_delta == 1, 1.0, power_heuristic(pdf_light, pdf_scatter))
+        mis_weight = wp.where(towards.only_connected == 1, 1.0, power_heuristic(pdf_light, pdf_scatter))
         weight = wp.where(is_possible, pdf_scatter / pdf_light * mis_weight, 0.0)
         arriving = wp.cw_mul(towards.radiance, channel_weight(before))
         path.light_share = wp.cw_mul(before.throughput, arriving) * weight
         return path
 
     @wp.func
-    def connect(scene: SceneData, lone: Medium, before: Path, seed: wp.uint64) -> Path:
+    def light_surface(scene: SceneData, before: Path, bsdf: Bsdf, towards: LightSample, pdf_choice: float) -> Path:
+        """What the connection brings by way of a surface, in the place of what it would bring in a medium."""
+        path = before
+        path.light_share = wp.vec3(0.0)
+        scattered = eval_bsdf(scene.shading.albedos, bsdf, towards.direction)
+        pdf_light = towards.pdf_solid_angle * pdf_choice
+        if pdf_light > 0.0:
+            mis_weight = wp.where(towards.only_connected == 1, 1.0, power_heuristic(pdf_light, scattered[3]))
+            value = wp.vec3(scattered[0], scattered[1], scattered[2]) * (mis_weight / pdf_light)
+            arriving = wp.cw_mul(towards.radiance, channel_weight(before))
+            path.light_share = wp.cw_mul(before.incoming, wp.cw_mul(value, arriving))
+        return path
+
+    @wp.func
+    def face_light(scene: SceneData, before: Path, direction: wp.vec3) -> Path:
+        """The path at a surface that light may enter, on the side from which the light comes."""
+        path = before
+        container = scene.shading.looks[before.hit.item].container
+        is_beyond = wp.dot(before.hit.normal, direction) < 0.0
+        if container >= 0 and is_beyond != (before.transmits == 1):
+            path = change_side(scene, before, container)
+            back = wp.where(is_beyond, -2.0, 2.0) * OFFSET * coordinate_reach(before.origin, before.hit.t)
+            path.origin = before.origin + before.hit.normal * back
+        return path
+
+    @wp.func
+    def connect(scene: SceneData, lone: Medium, before: Path, bsdf: Bsdf, seed: wp.uint64) -> Path:
         """All of it, lane by lane."""
         path = before
-        path.pdf_direction = scatter_pdf(path, lone, path.wi)
-        light_count = scene.lights.shape[0]
+        is_shaded = bool(False)
+        if wp.static(shades):
+            is_shaded = before.scatters == SURFACE
+        if not is_shaded:
+            path.pdf_direction = scatter_pdf(path, lone, path.wi)
         xi = light_place(path, seed)
-        light = scene.lights[chosen_light(xi[0], light_count)]
-        towards = sample_light(light, light.kind, path.origin, xi[1], xi[2])
-        path = aim_connection(path, lone, towards, light_count)
+        light = scene.lights[choose_light(scene.lights, xi[0])]
+        towards = LightSample()
+        if wp.static(features.intricate_lights):
+            towards = sample_any_light(light, scene.light_tables, path.origin, xi[1], xi[2])
+        else:
+            towards = sample_light(light, light.kind, path.origin, xi[1], xi[2])
+        if wp.static(features.links):
+            path.links = links_here(scene, path)
+            if not shines_on(light, path.links):
+                return path
+        path = aim_connection(path, lone, towards, chance(light))
+        if wp.static(shades):
+            if is_shaded:
+                path = light_surface(scene, path, bsdf, towards, chance(light))
         if max_component(path.light_share) > 0.0:
-            link = passage(scene, path, path.to_light, path.light_distance, seed)
+            lit = path
+            if wp.static(refracts):
+                if is_shaded:
+                    lit = face_light(scene, path, path.to_light)
+            link = passage(scene, lit, light, path.to_light, path.light_distance, seed)
             path.truncated = wp.max(path.truncated, link.truncated)
-            path.radiance += wp.cw_mul(path.light_share, link.transmittance)
+            share = path.light_share
+            if wp.static(refracts):
+                share = share / lit.squeeze
+            path.radiance += wp.cw_mul(share, link.transmittance)
         return path
 
     @wp.func(inline=True)
@@ -822,14 +1158,12 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func(inline=True)
-    def aim_at_light(
-        before: Path, lone: Medium, seed: wp.uint64, light: Light, kind: int, item: int, light_count: int
-    ) -> Path:
+    def aim_at_light(before: Path, lone: Medium, seed: wp.uint64, light: Light, kind: int) -> Path:
         """The connection, where this is the light."""
         path = before
         xi = light_place(before, seed)
-        aimed = aim_connection(before, lone, sample_light(light, kind, before.origin, xi[1], xi[2]), light_count)
-        is_chosen = chosen_light(xi[0], light_count) == item
+        aimed = aim_connection(before, lone, sample_light(light, kind, before.origin, xi[1], xi[2]), chance(light))
+        is_chosen = xi[0] >= light.first_chance and xi[0] < light.last_chance
         path.to_light = choose(is_chosen, aimed.to_light, before.to_light)
         path.light_distance = wp.where(is_chosen, aimed.light_distance, before.light_distance)
         path.light_share = choose(is_chosen, aimed.light_share, before.light_share)
@@ -946,7 +1280,9 @@ def build_program(features: RenderFeatures) -> Program:
         path.seen_item = NOT_SEEN
         path.first_transmittance = wp.vec3(1.0, 1.0, 1.0)
         path.medium = -1
+        path.links = ALL_LINKS
         path.rates = wp.vec3(NOT_FROZEN)
+        path.squeeze = 1.0
         if wp.static(features.chromatic):
             path.channel_pdfs = wp.vec3(1.0, 1.0, 1.0)
         return path
@@ -967,6 +1303,8 @@ def build_program(features: RenderFeatures) -> Program:
             if wp.static(has_solids):
                 for s in range(scene.solids.shape[0]):
                     solid = scene.solids[s]
+                    if wp.static(features.motion):
+                        solid = solid_at(solid, scene.motions, start.time)
                     if solid.container >= 0:
                         span = solid_span(solid, solid.kind, origin, before.direction)
                         hit = meet_solid_boundary(solid, span, start, hit)
@@ -1097,7 +1435,7 @@ def build_program(features: RenderFeatures) -> Program:
             medium.law.kind = wp.static(LAW_KINDS[lone_law])
         return medium
 
-    connects_in_lanes = features.connections and not has_crossings
+    connects_in_lanes = features.connects_in_lanes
     opens_eyes_at_once = not features.media or (lone_law != "" and not lone_solid)
     needs_meeting = has_crossings and (lone_law == "" or sees_segment_length)
 
@@ -1105,28 +1443,25 @@ def build_program(features: RenderFeatures) -> Program:
     def look(scene: SceneData, before: Path) -> Path:
         """One path's look at the whole scene."""
         path = before
-        light_count = float(scene.lights.shape[0])
         if wp.static(lone_solid):
             solid = scene.solids[scene.lone_solid]
             path = look_at_lone_solid(path, solid, solid.kind)
         path = open_eyes(path, scene.camera)
         if wp.static(has_solids):
-            for s in range(scene.solids.shape[0]):
-                solid = scene.solids[s]
-                if solid.surface >= 0:
-                    path = look_at_surface(path, solid, solid.kind, scene.surfaces[solid.surface])
-                elif wp.static(has_crossings):
-                    path = look_at_boundary(path, solid, solid.kind)
+            path = look_at_solids(scene, path)
         if wp.static(features.meshes):
             path = look_at_meshes(scene, path)
-        if wp.static(features.connections):
-            for k in range(scene.lights.shape[0]):
-                light = scene.lights[k]
-                if light.kind != DISTANT:
-                    path = look_at_light(path, light, light.kind, k, light_count)
-        if wp.static(features.distant_lights):
-            for k in range(scene.lights.shape[0]):
-                path = look_beyond(path, scene.lights[k], light_count)
+        if wp.static(features.intricate_lights):
+            path = look_at_lights(scene, path)
+        else:
+            if wp.static(has_lights):
+                for k in range(scene.lights.shape[0]):
+                    light = scene.lights[k]
+                    if light.kind != DISTANT:
+                        path = look_at_light(path, light, light.kind, k)
+            if wp.static(features.distant_lights):
+                for k in range(scene.lights.shape[0]):
+                    path = look_beyond(path, scene.lights[k])
         return path
 
     @wp.kernel(module="unique", module_options=kernel_options(features.meshes))
@@ -1162,12 +1497,16 @@ def build_program(features: RenderFeatures) -> Program:
                             path = look_up_exact_flight(begin_exact_flight(path, lone), lone, scene.tables)
                         path = fly_in_lone_medium(path, lone, seed)
                 path = look(scene, path)
+                bsdf = Bsdf()
+                if wp.static(shades):
+                    if reaches_surface(path):
+                        path, bsdf = shade(scene, path, seed)
                 if wp.static(needs_meeting):
                     path = meet(scene, path)
                 path = arrive(path, lone, scene.environment, scene.camera, limits)
                 if wp.static(features.connections):
                     if path.scatters != MISS:
-                        path = connect(scene, lone, path, seed)
+                        path = connect(scene, lone, path, bsdf, seed)
                 path = go_on(path, limits)
             if wp.static(tracks):
                 path = track(scene, path)
@@ -1191,6 +1530,12 @@ def build_program(features: RenderFeatures) -> Program:
         sums = wp.array(ptr=scratch.ptr, shape=(wp.static(sum_count),), dtype=wp.float64)
         lanes = wp.array(
             ptr=scratch.ptr + wp.uint64(wp.static(8 * sum_count)), shape=(wp.static(pool_floats),), dtype=float
+        )
+        # Of each lane, the surface that it met.
+        bsdfs = wp.array(
+            ptr=scratch.ptr + wp.uint64(wp.static(8 * sum_count + 4 * pool_floats)),
+            shape=(wp.static(bsdf_count),),
+            dtype=Bsdf,
         )
         scene = scene_of_image(batch, image)
         seed = scene.seeds[image]
@@ -1294,7 +1639,12 @@ def build_program(features: RenderFeatures) -> Program:
                 for i in range(LANES):
                     path = load(lanes, i)
                     store(lanes, i, open_eyes(look_at_lone_solid(path, lone_shape, wp.static(lone_kind)), camera))
-            if wp.static(has_solids and (has_crossings or has_surfaces)):
+            if wp.static(has_solids and (features.motion or passes)):
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    if path.alive == 1:
+                        store(lanes, i, look_at_solids(scene, path))
+            elif wp.static(has_solids and (has_crossings or has_surfaces)):
                 for s in range(scene.solids.shape[0]):
                     solid = scene.solids[s]
                     if wp.static(has_crossings):
@@ -1318,7 +1668,12 @@ def build_program(features: RenderFeatures) -> Program:
                     path = load(lanes, i)
                     if path.alive == 1:
                         store(lanes, i, look_at_meshes(scene, path))
-            if wp.static(features.connections):
+            if wp.static(features.intricate_lights):
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    if path.alive == 1:
+                        store(lanes, i, look_at_lights(scene, path))
+            elif wp.static(features.connections):
                 for k in range(light_count):
                     light = scene.lights[k]
                     if wp.static(has_lights):
@@ -1327,13 +1682,20 @@ def build_program(features: RenderFeatures) -> Program:
                                 if light.kind == kind:
                                     for i in range(LANES):
                                         path = load(lanes, i)
-                                        store(lanes, i, look_at_light(path, light, kind, k, float(light_count)))
+                                        store(lanes, i, look_at_light(path, light, kind, k))
                 if wp.static(features.distant_lights):
                     for k in range(light_count):
                         light = scene.lights[k]
                         for i in range(LANES):
                             path = load(lanes, i)
-                            store(lanes, i, look_beyond(path, light, float(light_count)))
+                            store(lanes, i, look_beyond(path, light))
+            if wp.static(shades):
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    if path.alive == 1 and reaches_surface(path):
+                        path, bsdf = shade(scene, path, seed)
+                        bsdfs[i] = bsdf
+                        store(lanes, i, path)
             if wp.static(needs_meeting):
                 for i in range(LANES):
                     path = load(lanes, i)
@@ -1352,7 +1714,10 @@ def build_program(features: RenderFeatures) -> Program:
                 for i in range(LANES):
                     path = load(lanes, i)
                     if path.scatters != MISS:
-                        store(lanes, i, connect(scene, lone, path, seed))
+                        bsdf = Bsdf()
+                        if wp.static(shades):
+                            bsdf = bsdfs[i]
+                        store(lanes, i, connect(scene, lone, path, bsdf, seed))
             if wp.static(connects_in_lanes):
                 for k in range(light_count):
                     light = scene.lights[k]
@@ -1361,7 +1726,7 @@ def build_program(features: RenderFeatures) -> Program:
                             if light.kind == kind:
                                 for i in range(LANES):
                                     path = load(lanes, i)
-                                    store(lanes, i, aim_at_light(path, lone, seed, light, kind, k, light_count))
+                                    store(lanes, i, aim_at_light(path, lone, seed, light, kind))
                 if wp.static(has_surfaces and has_solids):
                     for s in range(scene.solids.shape[0]):
                         solid = scene.solids[s]
@@ -1396,4 +1761,5 @@ def build_program(features: RenderFeatures) -> Program:
                         path = end_connection(path)
                     store(lanes, i, go_on(path, limits))
 
-    return Program(features, render_threads, render_pool, 2 * sum_count + pool_floats)
+    bsdf_floats = bsdf_count * Bsdf.numpy_dtype()["itemsize"] // 4
+    return Program(features, render_threads, render_pool, 2 * sum_count + pool_floats + bsdf_floats)

@@ -152,7 +152,8 @@ def build_model(scene: Scene, settings: RenderSettings, variants: Sequence[Varia
     images = tuple(variants) if variants is not None else (Variant(scene.media, settings.seed),)
     check_memory(settings, len(images))
     program = prepare(scene.with_media(images[0].media), settings)
-    uploaded = upload(scene, settings, [image.media for image in images], [image.seed for image in images])
+    media, seeds = [image.media for image in images], [image.seed for image in images]
+    uploaded = upload(scene, settings, media, seeds, shading=program.features.shading)
     return Model(scene, settings, images, program, uploaded)
 
 

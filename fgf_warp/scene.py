@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from fgf_warp.errors import SceneError
+from fgf_warp.errors import OpenMeshError, SceneError
 from fgf_warp.theory.law import LINE_VARIANCES, LineLaw, LineVariance, build_line_law
 from fgf_warp.theory.mixture import MIXTURE_ERROR, mix_exact_rates
 from fgf_warp.theory.phase import DRAINE_ALPHA_MAX
@@ -630,10 +630,18 @@ class Mesh:
         if self.medium is not None:
             open_edges = count_open_edges(self.points, self.triangles)
             if open_edges:
-                raise SceneError(
+                raise OpenMeshError(
                     f"{self.name}: a medium needs a closed mesh, and this one has {open_edges} open or "
                     "inconsistently oriented edges"
                 )
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner, (3,) each, of a box that holds the triangles."""
+        is_used = np.zeros(len(self.points), dtype=bool)
+        is_used[self.triangles] = True
+        points = self.points[is_used]
+        return points.min(axis=0), points.max(axis=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -677,6 +685,8 @@ class MeshInstance:
 Shape = Solid | Mesh | MeshInstance
 
 
+MAX_CONTAINERS = 32
+"""Shapes filled with a medium: one bit each in a path's state."""
 MAX_LINKS = 32
 """Sets of shapes that lights may be linked to: a bit each in `Solid.light_links` and its like."""
 
@@ -728,6 +738,12 @@ class LightSource:
             if bit is not None and not 0 <= bit < MAX_LINKS:
                 raise SceneError(f"{name}: {key} = {bit}; accepted: in [0, {MAX_LINKS - 1}], or None")
 
+    def _check_image(self, name: str, image: Image | None) -> None:
+        if image is not None and image.pixels.dtype == np.float32:
+            colors = image.pixels[..., :3]
+            if not (np.isfinite(colors).all() and colors.min() >= 0):
+                raise SceneError(f"{name}: {image.name} has pixels below 0 or not finite; accepted: finite and >= 0")
+
 
 @dataclass(frozen=True)
 class DistantLight(LightSource):
@@ -770,6 +786,15 @@ class DomeLight(LightSource):
 
     def __post_init__(self) -> None:
         self._check_source(self.name, self.radiance)
+        self._check_image(self.name, self.image)
+        turn = np.array(self.light_to_world)
+        if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), atol=1e-5):
+            raise SceneError(f"{self.name}: light_to_world = {turn.tolist()}; accepted: an orthogonal 3x3 matrix")
+
+    @property
+    def is_plain(self) -> bool:
+        """True where it is the same in every direction and for all that it shines on."""
+        return self.image is None and self.link is None and self.shadow_link is None and self.shaping is None
 
 
 @dataclass(frozen=True)
@@ -785,7 +810,8 @@ class AreaLight(LightSource):
         radiance: >= 0 per channel.
         image: multiplies the radiance of a rect; None: even.
         image_axes: of the rect's (half_u, half_v) coordinates (a, b) in [-1, 1]^2 the image's s and t: two rows of
-            three, applied to (a, b, 1).
+            three, applied to (a, b, 1). The image fills the rect, so that its corners lie on the rect's; t = 0 is its
+            lower edge.
     """
 
     name: str
@@ -802,6 +828,17 @@ class AreaLight(LightSource):
         for key in ("center", "half_u", "half_v"):
             _check_vector(self.name, key, getattr(self, key))
         _check_range(self.name, "area", self.area, "> 0", lambda x: x > 0)
+        self._check_image(self.name, self.image)
+        if self.image is not None and self.shape != "rect":
+            raise SceneError(f"{self.name}: image on a {self.shape}; accepted: on a rect")
+        self._check_image_axes()
+
+    def _check_image_axes(self) -> None:
+        at_corners = CUBE_CORNERS[:, :2] @ np.array(self.image_axes)[:, :2].T + np.array(self.image_axes)[:, 2]
+        if {*map(tuple, at_corners.round(5))} != {(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)}:
+            raise SceneError(
+                f"{self.name}: image_axes = {self.image_axes}; accepted: those that lay its corners on the rect's"
+            )
 
     @property
     def area(self) -> float:
@@ -831,6 +868,11 @@ class SphereLight(LightSource):
         _check_vector(self.name, "center", self.center)
         _check_range(self.name, "radius", self.radius, "> 0", lambda x: x > 0)
 
+    @property
+    def area(self) -> float:
+        """[stage unit^2]."""
+        return 4 * math.pi * self.radius**2
+
 
 @dataclass(frozen=True)
 class CylinderLight(LightSource):
@@ -856,6 +898,11 @@ class CylinderLight(LightSource):
         _check_vector(self.name, "half_axis", self.half_axis)
         _check_range(self.name, "length", math.hypot(*self.half_axis), "> 0", lambda x: x > 0)
         _check_range(self.name, "radius", self.radius, "> 0", lambda x: x > 0)
+
+    @property
+    def area(self) -> float:
+        """[stage unit^2], of the tube."""
+        return 4 * math.pi * self.radius * math.hypot(*self.half_axis)
 
 
 @dataclass(frozen=True, eq=False)
@@ -1003,6 +1050,14 @@ class Scene:
         """
         return tuple(shape_bounds(shape) for shape in self.shapes)
 
+    @cached_property
+    def radius(self) -> float:
+        """Half the diagonal of the box around all shapes [stage unit]; 1 of none."""
+        if not self.shapes:
+            return 1.0
+        lows, highs = zip(*self.bounds, strict=True)
+        return float(np.linalg.norm(np.max(highs, axis=0) - np.min(lows, axis=0))) / 2
+
     def with_medium(self, index: int, medium: Medium) -> Scene:
         """The same scene with one medium replaced."""
         return self.with_media((*self.media[:index], medium, *self.media[index + 1 :]))
@@ -1038,16 +1093,44 @@ def shape_widths(shape: Shape) -> tuple[float, float]:
 def shape_bounds(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest corner, (3,) each, of a box that holds the shape; not tight for a turned round solid."""
     if isinstance(shape, Mesh):
-        points = shape.points[np.unique(shape.triangles)]
-        return points.min(axis=0), points.max(axis=0)
+        return shape.bounds
     if isinstance(shape, MeshInstance):
-        low, high = shape_bounds(shape.mesh)
+        low, high = shape.mesh.bounds
         corners = (low + high) / 2 + CUBE_CORNERS * (high - low) / 2
     else:
         corners = CUBE_CORNERS
     matrices = [shape.object_to_world] + ([] if shape.closing is None else [shape.closing])
     points = np.concatenate([corners @ matrix[:3, :3].T + matrix[:3, 3] for matrix in matrices])
     return points.min(axis=0), points.max(axis=0)
+
+
+def encloses(shape: Shape, point: np.ndarray) -> bool:
+    """True where the point, (3,) float64 in world space, lies in the closed shape when the shutter opens."""
+    if isinstance(shape, Mesh):
+        return winding_number(shape.points, shape.triangles, point) > 0.5
+    local = np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3]
+    if isinstance(shape, MeshInstance):
+        return encloses(shape.mesh, local)
+    x, y, z = local
+    if shape.kind == "sphere":
+        return bool(x * x + y * y + z * z < 1)
+    if shape.kind == "cube":
+        return bool(max(abs(x), abs(y), abs(z)) < 1)
+    return bool(x * x + y * y < 1 and abs(z) < 1)
+
+
+def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:
+    """How often a closed mesh winds around a point: 1 inside, 0 outside (van Oosterom and Strackee 1983)."""
+    a, b, c = (np.asarray(points, dtype=np.float64)[triangles[:, corner]] - point for corner in range(3))
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    denominator = (
+        la * lb * lc
+        + np.einsum("ij,ij->i", a, b) * lc
+        + np.einsum("ij,ij->i", b, c) * la
+        + np.einsum("ij,ij->i", c, a) * lb
+    )
+    return float(np.arctan2(volume, denominator).sum() / (2 * math.pi))
 
 
 def count_open_edges(points: np.ndarray, triangles: np.ndarray) -> int:

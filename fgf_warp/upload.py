@@ -11,27 +11,21 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from fgf_warp.bvh import build_wide_tree
-from fgf_warp.device import bvh, drift, geometry, law, lights, medium, numerics, phase, surfaces, tables
 from fgf_warp.device import camera as camera_device
+from fgf_warp.device import drift, geometry, law, medium, numerics, phase, surfaces, tables
 from fgf_warp.errors import UnsupportedFeatureError
-from fgf_warp.integrator import LAW_KINDS, LIGHT_KINDS, SOLID_KINDS, Limits, SceneData
+from fgf_warp.integrator import LAW_KINDS, SOLID_KINDS, Limits, SceneData
 from fgf_warp.scene import (
-    AreaLight,
+    MAX_CONTAINERS,
     Camera,
-    DistantLight,
     DomeLight,
-    Light,
     Medium,
-    Mesh,
     MeshInstance,
-    MeshLight,
     Scene,
     Shape,
     Solid,
-    SphereLight,
-    Surface,
     drift_of,
+    encloses,
     moves,
     shape_bounds,
     unit_axes,
@@ -40,9 +34,16 @@ from fgf_warp.settings import Aov, RenderSettings
 from fgf_warp.theory import fbm, kernels
 from fgf_warp.theory.law import LineLaw
 from fgf_warp.theory.mixture import RateMixture, mix_exact_rates, mix_rates
-
-MAX_CONTAINERS = 32
-"""Shapes filled with a medium: one bit each in a path's state."""
+from fgf_warp.upload_lights import build_device_lights, connected_lights
+from fgf_warp.upload_meshes import (
+    build_device_meshes,
+    is_open,
+    number_containers,
+    number_motions,
+    number_surfaces,
+    upload_structs,
+)
+from fgf_warp.upload_shading import build_device_shading, indices_of_refraction
 
 EXTINCTION_FLOOR = 1e-30
 """Stands for a vanishing extinction, whose free flights are beyond every scene."""
@@ -62,7 +63,12 @@ class UploadedScene:
 
 
 def upload(
-    scene: Scene, settings: RenderSettings, media_of_images: Sequence[Sequence[Medium]], seeds: Sequence[int]
+    scene: Scene,
+    settings: RenderSettings,
+    media_of_images: Sequence[Sequence[Medium]],
+    seeds: Sequence[int],
+    *,
+    shading: bool = False,
 ) -> UploadedScene:
     """Copies a scene to `settings.device`.
 
@@ -71,6 +77,7 @@ def upload(
         settings: how they are rendered.
         media_of_images: for each image what takes the place of the scene's media.
         seeds: of each image.
+        shading: whether surfaces are more than matte.
 
     Raises:
         UnsupportedFeatureError: for more than 32 shapes filled with media.
@@ -83,36 +90,36 @@ def upload(
         raise UnsupportedFeatureError(
             f"{scene.source}: {len(containers)} shapes are filled with media; accepted: at most {MAX_CONTAINERS}"
         )
-    surface_of, container_of = number_surfaces(shapes), number_containers(shapes)
-    solids = [
-        _solid(shape, surface_of.get(shape, -1), container_of.get(shape, -1))
-        for shape in shapes
-        if isinstance(shape, Solid)
-    ]
-    lights_met = [light for light in scene.lights if not isinstance(light, DomeLight)]
+    solids = [shape for shape in shapes if isinstance(shape, Solid)]
     rows = LawTables()
     media = [_medium(item, index, scene, rows) for own in media_of_images for index, item in enumerate(own)]
 
     data = SceneData()
     data.camera = _camera(scene.camera, settings.width, settings.height)
-    data.environment = wp.vec3(*_dome_radiance(scene))
-    data.solids = wp.array(solids, dtype=geometry.Solid, device=device)
-    filled = [k for k, solid in enumerate(solids) if solid.container >= 0]
+    data.environment = wp.vec3(*_environment(scene))
+    data.solids = _upload_solids(shapes, device)
+    filled = [k for k, solid in enumerate(solids) if solid.medium is not None]
     data.lone_solid = filled[0] if filled else -1
-    data.meshes = build_device_meshes(shapes, lights_met, device)
+    data.meshes = build_device_meshes(shapes, connected_lights(scene), device)
+    data.motions = data.meshes.motions
     data.surfaces = wp.array(
-        [_surface(s.surface) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
+        [_surface(s) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
     )
+    if shading:
+        data.shading = build_device_shading(shapes, containers, device)
     data.media = wp.array(media, dtype=medium.Medium, device=device)
     data.media_count = len(scene.media)
     data.tables = rows.upload(device)
-    data.containers = wp.array([_container(s, scene) for s in containers], dtype=medium.Container, device=device)
+    iors = indices_of_refraction(containers)
+    data.containers = wp.array([_container(s, scene, iors) for s in containers], dtype=medium.Container, device=device)
     if Aov.MOTION in settings.aovs:
         data.surface_drifts = _drifts([shape for shape in shapes if shape.surface is not None], device)
         data.container_drifts = _drifts(containers, device)
-    data.lights = wp.array([build_device_light(light) for light in lights_met], dtype=lights.Light, device=device)
+    data.lights, data.light_tables = build_device_lights(scene, containers, device)
     low, high = scene.camera.start_bounds(settings.width, settings.height)
-    data.camera_inside = wp.uint32(containers_around((low + high) / 2, containers))
+    inside = containers_around((low + high) / 2, containers)
+    data.camera_inside = wp.uint32(inside)
+    data.camera_ior = _ior_around(inside, containers, scene)
     if scene.shapes_around_starts(settings.width, settings.height):
         lows, highs = zip(*(shape_bounds(shape) for shape in containers), strict=True)
         low, high = np.min(lows, axis=0), np.max(highs, axis=0)
@@ -138,32 +145,6 @@ def _bare(shape: Shape) -> Shape:
 def containers_around(point: np.ndarray, containers: Sequence[Shape]) -> int:
     """Bits of the containers that a point, (3,) float64, lies in."""
     return sum(1 << bit for bit, shape in enumerate(containers) if encloses(shape, point))
-
-
-def encloses(shape: Shape, point: np.ndarray) -> bool:
-    """True where the point, (3,) float64, lies in the closed shape."""
-    if isinstance(shape, Mesh):
-        return winding_number(shape.points, shape.triangles, point) > 0.5
-    x, y, z = np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3]
-    if shape.kind == "sphere":
-        return bool(x * x + y * y + z * z < 1)
-    if shape.kind == "cube":
-        return bool(max(abs(x), abs(y), abs(z)) < 1)
-    return bool(x * x + y * y < 1 and abs(z) < 1)
-
-
-def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:
-    """How often a closed mesh winds around a point: 1 inside, 0 outside (van Oosterom and Strackee 1983)."""
-    a, b, c = (np.asarray(points, dtype=np.float64)[triangles[:, corner]] - point for corner in range(3))
-    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-    denominator = (
-        la * lb * lc
-        + np.einsum("ij,ij->i", a, b) * lc
-        + np.einsum("ij,ij->i", b, c) * la
-        + np.einsum("ij,ij->i", c, a) * lb
-    )
-    return float(np.arctan2(volume, denominator).sum() / (2 * math.pi))
 
 
 fit_flight = cache(kernels.fit_flight)
@@ -235,51 +216,6 @@ def _flights(line: fbm.ExactFbm, farthest: float, rows: LawTables, *, from_mediu
     return result
 
 
-def build_device_meshes(shapes: Sequence[Shape], lights_met: Sequence[Light], device: str) -> Any:
-    """The device's view of all triangles.
-
-    Args:
-        shapes: whose meshes there are; surfaces, and bits of `inside`, are numbered in their order.
-        lights_met: among which those of triangles are; lights are numbered in their order.
-        device: to copy them to.
-    """
-    surface_of, container_of = number_surfaces(shapes), number_containers(shapes)
-    corners: list[np.ndarray] = []
-    rows: list[tuple] = []
-    for shape in shapes:
-        if isinstance(shape, Mesh):
-            corners.append(np.asarray(shape.points, dtype=np.float32)[shape.triangles])
-            rows.append((surface_of.get(shape, -1), container_of.get(shape, -1), -1, shape.shadow_links))
-    for index, light in enumerate(lights_met):
-        if isinstance(light, MeshLight):
-            corners.append(light.corners.astype(np.float32))
-            rows.append((-1, -1, index, 0))
-    tree = build_wide_tree(corners)
-    result = bvh.Bvh()
-    result.boxes = wp.array(tree.boxes, dtype=bvh.vec8, device=device)
-    result.children = wp.array(tree.children, dtype=bvh.vec8i, device=device)
-    result.triangles = wp.array(tree.triangles, dtype=bvh.vec8, device=device)
-    result.owners = wp.array(tree.owners, dtype=bvh.vec8i, device=device)
-    result.faces = wp.array(tree.faces, dtype=bvh.vec8i, device=device)
-    result.meshes = _structs(rows, bvh.Mesh, device)
-    return result
-
-
-def _structs(rows: Sequence[tuple], dtype: Any, device: str) -> wp.array:
-    """An array of structs, each from the tuple of its fields; a list of structs would take a hundred times as long."""
-    return wp.array(np.array(rows, dtype=dtype.numpy_dtype()), dtype=dtype, device=device)
-
-
-def number_surfaces(shapes: Sequence[Shape]) -> dict[Shape, int]:
-    """The index of each shape's surface, of those that have one."""
-    return {shape: index for index, shape in enumerate(shape for shape in shapes if shape.surface is not None)}
-
-
-def number_containers(shapes: Sequence[Shape]) -> dict[Shape, int]:
-    """The bit of each shape that a medium fills."""
-    return {shape: bit for bit, shape in enumerate(shape for shape in shapes if shape.medium is not None)}
-
-
 def _medium(item: Medium, index: int, scene: Scene, rows: LawTables) -> Any:
     reciprocal = item.resolved_transport != "renewal"
     # Of what fills nothing no flight is looked up and no path frozen.
@@ -317,12 +253,22 @@ def _mixture(line: LineLaw, longest_depth: float) -> RateMixture:
     return mix_rates(line.b, line.kappa)
 
 
-def _container(shape: Shape, scene: Scene) -> Any:
+def _container(shape: Shape, scene: Scene, iors: Sequence[float]) -> Any:
     assert shape.medium is not None
     result = medium.Container()
     result.medium = shape.medium
     result.priority = scene.media[shape.medium].priority
+    result.light_links = shape.light_links
+    if is_open(shape) and shape.surface is not None:
+        result.ior, result.ior_number = shape.surface.ior, iors.index(shape.surface.ior)
     return result
+
+
+def _ior_around(inside: int, containers: Sequence[Shape], scene: Scene) -> float:
+    """Index of refraction within these containers, as `device.medium.ior_at` has it."""
+    around = [s for bit, s in enumerate(containers) if inside >> bit & 1 and is_open(s)]
+    nearest = max(around, key=lambda s: scene.media[s.medium or 0].priority, default=None)
+    return 1.0 if nearest is None or nearest.surface is None else nearest.surface.ior
 
 
 def _drifts(shapes: Sequence[Shape], device: str) -> wp.array:
@@ -335,21 +281,33 @@ def _drifts(shapes: Sequence[Shape], device: str) -> wp.array:
     return wp.array(rows, dtype=struct, device=device)
 
 
-def _solid(shape: Solid, surface: int, container: int) -> Any:
-    to_object = np.linalg.inv(shape.object_to_world)
-    result = geometry.Solid()
-    result.kind = SOLID_KINDS[shape.kind]
-    result.to_object = wp.mat33(*to_object[:3, :3].flatten())
-    result.to_object_offset = wp.vec3(*to_object[:3, 3])
-    result.surface, result.container = surface, container
-    result.shadow_links = shape.shadow_links
-    return result
+def _upload_solids(shapes: Sequence[Shape], device: str) -> wp.array:
+    surface_of, container_of, motion_of = number_surfaces(shapes), number_containers(shapes), number_motions(shapes)
+    solids = [shape for shape in shapes if isinstance(shape, Solid)]
+    to_object = np.linalg.inv(np.array([solid.object_to_world for solid in solids]).reshape(-1, 4, 4))
+    return upload_structs(
+        geometry.Solid,
+        device,
+        kind=[SOLID_KINDS[solid.kind] for solid in solids],
+        to_object=to_object[:, :3, :3],
+        to_object_offset=to_object[:, :3, 3],
+        surface=[surface_of.get(solid, -1) for solid in solids],
+        is_open=[is_open(solid) for solid in solids],
+        container=[container_of.get(solid, -1) for solid in solids],
+        shadow_links=[solid.shadow_links for solid in solids],
+        motion=[motion_of.get(solid, -1) for solid in solids],
+    )
 
 
-def _surface(surface: Surface) -> Any:
+def _surface(shape: Shape) -> Any:
+    surface = shape.surface
+    assert surface is not None
     result = surfaces.Surface()
-    result.diffuse = wp.vec3(*surface.diffuse)
-    result.emission = wp.vec3(*surface.emission)
+    result.light_links = shape.light_links
+    # What varies is read where surfaces are shaded.
+    if surface.is_matte and isinstance(surface.diffuse, tuple) and isinstance(surface.emission, tuple):
+        result.diffuse = wp.vec3(*surface.diffuse)
+        result.emission = wp.vec3(*surface.emission)
     return result
 
 
@@ -376,31 +334,7 @@ def _camera_axes(matrix: np.ndarray) -> tuple[wp.vec3, wp.vec3, wp.vec3]:
     return wp.vec3(*axes[:, 0]), wp.vec3(*axes[:, 1]), wp.vec3(*-axes[:, 2])
 
 
-def _dome_radiance(scene: Scene) -> np.ndarray:
-    domes = [light.radiance for light in scene.lights if isinstance(light, DomeLight)]
+def _environment(scene: Scene) -> np.ndarray:
+    """Radiance of all domes that are the same everywhere."""
+    domes = [light.radiance for light in scene.lights if isinstance(light, DomeLight) and light.is_plain]
     return np.sum(domes, axis=0) if domes else np.zeros(3)
-
-
-def build_device_light(light: DistantLight | AreaLight | SphereLight) -> Any:
-    """The device's view of a light that paths connect to."""
-    result = lights.Light()
-    result.radiance = wp.vec3(*light.radiance)
-    if isinstance(light, DistantLight):
-        result.kind = lights.DISTANT
-        result.center = -wp.vec3(*light.direction)
-        result.cone = 2 * math.sin(light.half_angle / 2) ** 2
-        return result
-    result.center = wp.vec3(*light.center)
-    if isinstance(light, SphereLight):
-        result.kind = lights.SPHERE_LIGHT
-        result.radius = light.radius
-        return result
-    halves = np.array([light.half_u, light.half_v])
-    normal = np.cross(*halves)
-    duals = np.linalg.pinv(halves).T
-    result.kind = LIGHT_KINDS[light.shape]
-    result.half_u, result.half_v = wp.vec3(*halves[0]), wp.vec3(*halves[1])
-    result.dual_u, result.dual_v = wp.vec3(*duals[0]), wp.vec3(*duals[1])
-    result.normal = wp.vec3(*(normal / np.linalg.norm(normal)))
-    result.area = light.area
-    return result

@@ -316,6 +316,9 @@ def validate(
 ) -> None:
     """Check a stage or a config and say what is in it.
 
+    Of a stage it tells everything that is wrong, by USD's own validators and by those of FGF-Warp, one line each. Where
+    there is an error, the exit code is 2.
+
     \b
     Example:
       fgf validate usd_scenes/stages/cloud_block.usda
@@ -328,11 +331,24 @@ def validate(
         _warn(warnings)
         return
     from generators.stage import load_scene  # noqa: PLC0415
+    from usd_scenes.validation import validate_stage  # noqa: PLC0415
 
-    base = load_scene(path)
-    typer.echo(f"{path}")
-    _print_scene(base.scene, base.width, base.height)
-    _warn(base.warnings)
+    findings = validate_stage(path)
+    for finding in findings:
+        typer.echo(finding)
+    counts = {kind: sum(finding.severity == kind for finding in findings) for kind in ("error", "warning")}
+    typer.echo(f"{path}: {_counted(counts['error'], 'error')}, {_counted(counts['warning'], 'warning')}")
+    try:
+        base = load_scene(path)
+    except FgfError:
+        if not counts["error"]:
+            raise
+        typer.echo("not accepted by the renderer")
+    else:
+        _print_scene(base.scene, base.width, base.height)
+        _warn(base.warnings)
+    if counts["error"]:
+        raise typer.Exit(EXIT_BAD_INPUT)
 
 
 @app.command()
@@ -494,7 +510,7 @@ def _choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | 
         return ["default" if default_time else None]
     if default_time:
         raise ConfigError("--defaultTime and --frames exclude each other; accepted: one of them")
-    from usd_scenes.reader import parse_frames  # noqa: PLC0415
+    from generators.pictures import parse_frames  # noqa: PLC0415
 
     return parse_frames(spec)
 
@@ -529,6 +545,10 @@ def _choose_aovs(names: list[str] | None) -> frozenset[Aov] | None:
     if unknown:
         raise ConfigError(f"--aov {unknown[0]}: accepted: {', '.join(Aov)}")
     return frozenset(Aov(name) for name in names)
+
+
+def _counted(number: int, thing: str) -> str:
+    return f"{number} {thing}{'' if number == 1 else 's'}"
 
 
 def _check_choice(option: str, value: str, accepted: Iterable[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -16,6 +17,12 @@ if TYPE_CHECKING:
 
 PLACEHOLDER = re.compile(r"#+(?:\.#+)?")
 """Of a frame's number in the name of a file: ``####``, or ``###.##`` with two decimals."""
+NUMBER = r"[-+]?\d{1,15}(?:\.\d{0,15})?"
+FRAME_SPEC = re.compile(rf"({NUMBER})(?::({NUMBER})(?:x({NUMBER}))?)?")
+"""The first time code, the last, and the stride."""
+FRAMES_MAX = 100_000
+FRAME_DECIMALS = 9
+"""That time codes are rounded to: 0.1 + 2 x 0.1 is 0.3."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +45,36 @@ class Picture:
     def files(self) -> list[Path]:
         """Those to write, the EXR first."""
         return [self.exr, *([self.png] if self.png else [])]
+
+
+def parse_frames(spec: str) -> tuple[float, ...]:
+    """The time codes of a list of FrameSpecs, as usdrecord spells them.
+
+    Args:
+        spec: FrameSpecs with commas between them, each a time code, or the first and the last with a colon between
+            them, and after an ``x`` the stride, which is else 1 towards the last.
+
+    Returns:
+        Each of them once, in the order in which they are named.
+
+    Raises:
+        ConfigError: for what is no such list, or names more than 100,000 frames.
+    """
+    found: list[float] = []
+    for part in spec.split(","):
+        match = FRAME_SPEC.fullmatch(part.strip())
+        if match is None:
+            raise ConfigError(f"frames {spec}: accepted: frames such as 7, 1:24, 1:24x2 or 101,105:110")
+        first = float(match[1])
+        last = float(match[2] or first)
+        stride = float(match[3] or math.copysign(1, last - first))
+        if stride == 0 or (last - first) / stride < 0:
+            raise ConfigError(f"frames {spec}: stride {stride:g}; accepted: one that leads from {first:g} to {last:g}")
+        count = math.floor((last - first) / stride + 10**-FRAME_DECIMALS) + 1
+        if len(found) + count > FRAMES_MAX:
+            raise ConfigError(f"frames {spec}: accepted: at most {FRAMES_MAX} frames")
+        found.extend(round(first + i * stride, FRAME_DECIMALS) for i in range(count))
+    return tuple(dict.fromkeys(found))
 
 
 def plan_pictures(

@@ -59,7 +59,7 @@ def test_reasons_name_what_asks_for_a_part():
     assert found["surfaces"] == (True, "/can")
     assert found["meshes"] == (False, "nothing needs it")
     assert found["connections to lights"] == (True, "/rect, /bulb, /sun")
-    assert found["environment"] == (False, "nothing needs it")
+    assert found["even environment"] == (False, "nothing needs it")
     assert found["plane: depth"] == (True, "asked for")
     assert found["plane: albedo"] == (False, "not asked for")
     assert found["one law for all flights: exponential"][0]

@@ -5,6 +5,7 @@ import pytest
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import AreaLight, Camera, DomeLight, Medium, Mesh, Scene, Solid, SphereLight
+from fgf_warp.theory.phase import eval_draine, eval_hg, eval_two_lobe
 from tests.scenes import furnace, transform
 
 CORRELATED = {"hurst": -0.25, "white_noise_scale": 1.0}
@@ -113,3 +114,21 @@ def test_medium_extent_is_the_longest_side_of_what_it_fills():
     )
     scene = Scene(furnace().camera, shapes, media)
     assert [scene.medium_extent(index) for index in range(3)] == [4.0, 5.0, None]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "evaluate"),
+    [
+        ({"phase_function": "isotropic"}, lambda v: np.full_like(v, 1 / (4 * np.pi))),
+        ({"asymmetry": -0.4}, lambda v: eval_hg(-0.4, v)),
+        (
+            {"phase_function": "two_lobe", "asymmetry": 0.7, "back_asymmetry": -0.5, "back_weight": 0.3},
+            lambda v: eval_two_lobe(0.7, -0.5, 0.3, v),
+        ),
+        ({"phase_function": "draine", "asymmetry": 0.6, "draine_alpha": 7.0}, lambda v: eval_draine(0.6, 7.0, v)),
+    ],
+)
+def test_the_mean_cosine_is_the_phase_functions(parameters, evaluate):
+    cosines, weights = np.polynomial.legendre.leggauss(200)
+    mean = 2 * np.pi * (weights * cosines * evaluate(1 - cosines)).sum()
+    assert medium(**parameters).mean_cosine == pytest.approx(mean, abs=1e-12)

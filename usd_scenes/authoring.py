@@ -59,8 +59,8 @@ def author_fgf_medium(
         extinction_color: multiplies `mean_extinction` per channel, >= 0.
         transport: None chooses reciprocal where H >= -1/2 and renewal below.
         line_variance: of fractional Brownian motion, ``asymptotic`` for segments far below L, or ``exact``.
-        boundary: ``none`` lets light through unchanged, ``surface`` keeps the material's UsdPreviewSurface, which should
-            be transparent: an opaque one hides the medium.
+        boundary: ``none`` lets light through unchanged, ``surface`` keeps the material's UsdPreviewSurface, which
+            should be transparent: an opaque one hides the medium.
         priority: of nested media, the one with the highest priority fills the space.
 
     Raises:
@@ -132,7 +132,7 @@ def author_interchange(material: Usd.Prim | UsdShade.Material) -> None:
 
 
 def _author_fgf_terminal(material: UsdShade.Material) -> None:
-    shader = _define_shader(material, "FgfMedium", "FgfMedium")
+    shader = _define_shader(material, schema.SHADER_NAME, schema.SHADER_NAME)
     for attribute in material.GetPrim().GetAuthoredPropertiesInNamespace("inputs:fgf"):
         name = attribute.GetName().removeprefix("inputs:fgf:")
         shader.CreateInput(name, attribute.GetTypeName()).ConnectToSource(UsdShade.Input(attribute))

@@ -1,4 +1,8 @@
-"""Triangles of all meshes in one tree of sixteen-wide nodes, and rays against it.
+"""Triangles in trees of sixteen-wide nodes, and rays against them.
+
+All meshes in world space are in one tree. A mesh that has instances is in a tree of its own, in its own space, and the
+instances' boxes are in one tree over them: a ray that meets such a box goes on in the instance's space, where its
+direction is not of unit length, so that distances along it stay what they are.
 
 A row holds one coordinate of the sixteen boxes of a node or of the eight triangles of a leaf, and one test goes
 through its lanes in a loop that the CPU's compiler makes vector code: without branches, without calls, with a count
@@ -12,8 +16,20 @@ from typing import Any
 
 import warp as wp
 
-from fgf_warp.device.geometry import BOUNDARY, LIGHT, SURFACE, Hit, Start, casts_shadow, coordinate_reach, is_inside
-from fgf_warp.device.numerics import INFINITE
+from fgf_warp.device.geometry import (
+    BOUNDARY,
+    LIGHT,
+    SURFACE,
+    Hit,
+    Motion,
+    Placement,
+    Start,
+    casts_shadow,
+    coordinate_reach,
+    is_inside,
+    place_at,
+)
+from fgf_warp.device.numerics import INFINITE, unit
 
 vec8 = wp.types.vector(length=8, dtype=wp.float32)
 vec8i = wp.types.vector(length=8, dtype=wp.int32)
@@ -28,20 +44,19 @@ NODE_FLOATS = wp.constant(6 * 16)
 LEAF_FLOATS = wp.constant(9 * 8)
 """x, y, z of the first, second and third corners, a row each; an empty place is NaN, and no ray meets it."""
 CORNER_FLOATS = wp.constant(3 * 8)
-STACK = 106
-"""Enough for 7 levels of 15 waiting children each, and no tree is deeper; and one place for the end."""
+LEVELS_PLACES = 7 * 15
+"""Enough for 7 levels of 15 waiting children each, and no tree is deeper."""
 BOX_SLACK = wp.constant(1.0000005)
 """1 + 2 gamma(3) of Ize, and some more since it scales the inverse of the slope."""
 NONE = wp.constant(2147483647)
 """Stands for no node."""
+LEAVE = wp.constant(2147483646)
+"""Stands for the end of the tree of an instance, or of the world's triangles."""
 ROUNDING = wp.constant(1.0e-6)
 """Relative error of a distance along a ray, amply."""
 FLATTEST = wp.constant(100.0)
 """1 / cosine of the flattest angle at which a face just behind the ray's origin is looked for."""
 TINY_SLOPE = wp.constant(1.0e-30)
-
-WaitingNodes = wp.types.vector(length=STACK, dtype=wp.int32)
-WaitingDistances = wp.types.vector(length=STACK, dtype=wp.float32)
 
 
 @wp.struct
@@ -52,10 +67,27 @@ class Mesh:
     """-1: a bare boundary, or a light."""
     container: int
     """Bit of the medium that fills it, or -1."""
+    is_open: int
+    """1: light may enter the medium through its surface, which is then a boundary too."""
     light: int
     """Its index, or -1."""
     shadow_links: wp.uint32
     """Bits of the lights in whose light it casts a shadow."""
+
+
+@wp.struct
+class Instance:
+    """A mesh under a transform."""
+
+    root: int
+    """Of its mesh's tree."""
+    owner: int
+    """Index of what its triangles are."""
+    motion: int
+    """Index of its motion, or -1."""
+    to_object: wp.mat33
+    position: wp.vec3
+    """Its `Placement`, where it rests."""
 
 
 @wp.struct
@@ -78,12 +110,12 @@ class Ray:
 
 @wp.struct
 class Bvh:
-    """The tree; node 0 is its root, and without meshes it has no nodes."""
+    """The trees; without meshes there are no nodes."""
 
     boxes: wp.array(dtype=vec8)
     """Per node: six rows of sixteen."""
     children: wp.array(dtype=vec8i)
-    """Per node: the indices of sixteen inner nodes, or -1 - the index of a leaf."""
+    """Per node: the indices of sixteen inner nodes, or -1 - the index of a leaf, or of an instance."""
     triangles: wp.array(dtype=vec8)
     """Per leaf: nine rows of eight."""
     owners: wp.array(dtype=vec8i)
@@ -91,6 +123,13 @@ class Bvh:
     faces: wp.array(dtype=vec8i)
     """Per leaf: the triangles' numbers in their meshes."""
     meshes: wp.array(dtype=Mesh)
+    """Of the world, and then of instances."""
+    world: int
+    """Root of the tree of the triangles in world space, or -1."""
+    top: int
+    """Root of the tree over the instances, or `NONE`."""
+    instances: wp.array(dtype=Instance)
+    motions: wp.array(dtype=Motion)
 
 
 @wp.func
@@ -255,6 +294,29 @@ def aim(origin: wp.vec3, direction: wp.vec3) -> Ray:
     return ray
 
 
+def build_place_instance(features: Any) -> Any:
+    """The function of (bvh, instance, time) that tells where an instance is, in a scene of these features."""
+
+    @wp.func
+    def place_instance(bvh: Bvh, instance: int, time: float) -> Placement:
+        placed = bvh.instances[instance]
+        if wp.static(features.motion):
+            if placed.motion >= 0:
+                return place_at(bvh.motions[placed.motion], time)
+        placement = Placement()
+        placement.to_object = placed.to_object
+        placement.position = placed.position
+        return placement
+
+    return place_instance
+
+
+@wp.func
+def aim_at_instance(placement: Placement, origin: wp.vec3, direction: wp.vec3) -> Ray:
+    """The ray in an instance's space."""
+    return aim(placement.to_object * (origin - placement.position), placement.to_object * direction)
+
+
 def build_intersect_meshes(features: Any) -> Any:
     """The function that meets a ray with the triangles of a scene of these features.
 
@@ -262,18 +324,28 @@ def build_intersect_meshes(features: Any) -> Any:
     the path can meet.
     """
     has_light_triangles = "mesh" in features.shaped_lights
+    place_instance = build_place_instance(features)
+    # A tree over instances, a tree below it, and what stands for the ends of both and of the world's triangles.
+    places = 2 * LEVELS_PLACES + 3 if features.instances else LEVELS_PLACES + 1
+    depth_bits = wp.constant(255 if features.instances else 127)
+    waiting_nodes = wp.types.vector(length=places, dtype=wp.int32)
+    waiting_distances = wp.types.vector(length=places, dtype=wp.float32)
 
     @wp.func
     def accepts(mesh: Mesh, is_front: bool, t: float, start: Start) -> bool:
         """A surface is met from both sides, a boundary from the side that the path is on."""
         if wp.static(has_light_triangles):
             if mesh.light >= 0:
-                return t > 0.0
+                return t > 0.0 and start.casters == wp.uint32(0)
         if mesh.surface >= 0:
             if wp.static(features.links):
                 if not casts_shadow(mesh.shadow_links, start.casters):
                     return False
-            return t > start.passed
+            if wp.static(features.passes):
+                if mesh.is_open == 0:
+                    return t > start.passed
+            else:
+                return t > start.passed
         if is_inside(start.inside, mesh.container) == is_front:
             return False
         # Behind there may be a face that the ray should have crossed; not one of the mesh that it has just crossed.
@@ -290,23 +362,59 @@ def build_intersect_meshes(features: Any) -> Any:
         triangles = wp.array(ptr=bvh.triangles.ptr, shape=(0,), dtype=float)
         owners = wp.array(ptr=bvh.owners.ptr, shape=(0,), dtype=int)
 
-        ray = aim(origin, direction)
         begin = upper(start.t_min, start.passed)
         slack = upper(start.slack, ROUNDING * coordinate_reach(origin, begin))
-        t_least = begin - FLATTEST * slack
+        t_least_of_world = begin - FLATTEST * slack
+        t_least = t_least_of_world
+        ray = aim(origin, direction)
 
         # Below all that waits there is no node, nearer than any hit.
-        waiting = WaitingNodes()
-        waiting_t = WaitingDistances()
+        waiting = waiting_nodes()
+        waiting_t = waiting_distances()
         waiting[0] = NONE
         waiting_t[0] = -INFINITE
         depth = int(1)
         node = int(0)
         hit_leaf = int(-1)
         hit_lane = int(0)
+        # The ray is among the instances, or in the tree of one, or in that of the world's triangles, which is none.
+        is_among = bool(False)
+        instance = int(-1)
+        hit_instance = int(-1)
+        place = Placement()
+        rounding = float(0.0)
+        if wp.static(features.instances):
+            node = bvh.top
+            is_among = bvh.world < 0
+            if not is_among:
+                node = bvh.world
+                waiting[1] = bvh.top
+                waiting_t[1] = -INFINITE
+                waiting[2] = LEAVE
+                waiting_t[2] = -INFINITE
+                depth = 3
 
         while node != NONE:
-            if node >= 0:
+            if wp.static(features.instances) and node == LEAVE:
+                is_among = True
+                instance = -1
+                ray = aim(origin, direction)
+                t_least = t_least_of_world
+            elif wp.static(features.instances) and is_among and node < 0:
+                is_among = False
+                instance = -1 - node
+                place = place_instance(bvh, instance, start.time)
+                ray = aim_at_instance(place, origin, direction)
+                # Of coordinates in its space; distances along the ray are those of the world.
+                speed = wp.length(ray.direction)
+                rounding = ROUNDING * coordinate_reach(ray.origin, begin * speed)
+                t_least = t_least_of_world - FLATTEST * rounding / speed
+                waiting[depth & depth_bits] = LEAVE
+                waiting_t[depth & depth_bits] = -INFINITE
+                depth += 1
+                node = bvh.instances[instance].root
+                continue
+            elif node >= 0:
                 entries, met = enter_boxes(boxes, node * NODE_FLOATS, ray, t_least, hit.t * BOX_SLACK)
                 if met != 0:
                     # The nearest child comes next, the others wait.
@@ -322,9 +430,9 @@ def build_intersect_meshes(features: Any) -> Any:
                         other_t = entries[lane]
                         is_nearer = other_t < node_t
                         # Bits that a depth always has, said to save the wrap of a negative index.
-                        place = depth & 127
-                        waiting[place] = wp.where(is_nearer, node, other)
-                        waiting_t[place] = upper(node_t, other_t)
+                        free = depth & depth_bits
+                        waiting[free] = wp.where(is_nearer, node, other)
+                        waiting_t[free] = upper(node_t, other_t)
                         node = wp.where(is_nearer, other, node)
                         node_t = lower(node_t, other_t)
                         depth += 1
@@ -341,16 +449,22 @@ def build_intersect_meshes(features: Any) -> Any:
                     owner = int(0)
                     if bvh.meshes.shape[0] > 1:
                         owner = owners[leaf * LEAF + lane]
+                    if wp.static(features.instances) and instance >= 0:
+                        owner = bvh.instances[instance].owner
                     mesh = bvh.meshes[owner]
                     is_met = t < hit.t and accepts(mesh, is_front, t, start)
                     if is_met and t < start.t_min:
                         # Behind: as far as rounding can have moved the ray across the face, and no farther.
                         normal = triangle_normal(triangles, leaf, lane)
-                        is_met = (start.t_min - t) * wp.abs(wp.dot(normal, direction)) < slack
+                        allowed = slack
+                        if wp.static(features.instances) and instance >= 0:
+                            allowed = slack * wp.length(wp.transpose(place.to_object) * normal) + rounding
+                        is_met = (start.t_min - t) * wp.abs(wp.dot(normal, ray.direction)) < allowed
                     if is_met:
                         hit.t = upper(t, start.t_min)
                         hit_leaf = leaf
                         hit_lane = lane
+                        hit_instance = instance
                         hit.kind = wp.where(mesh.surface >= 0, SURFACE, BOUNDARY)
                         hit.item = wp.where(mesh.surface >= 0, mesh.surface, mesh.container)
                         if wp.static(has_light_triangles):
@@ -360,12 +474,18 @@ def build_intersect_meshes(features: Any) -> Any:
 
             # What waits, and is not behind what was met.
             depth -= 1
-            while waiting_t[depth & 127] > hit.t:
+            while waiting_t[depth & depth_bits] > hit.t:
                 depth -= 1
-            node = waiting[depth & 127]
+            node = waiting[depth & depth_bits]
 
         if hit_leaf >= 0 and hit.kind != BOUNDARY:
             hit.normal = triangle_normal(triangles, hit_leaf, hit_lane)
+            if wp.static(features.instances):
+                ray = aim(origin, direction)
+                if hit_instance >= 0:
+                    place = place_instance(bvh, hit_instance, start.time)
+                    ray = aim_at_instance(place, origin, direction)
+                    hit.normal = unit(wp.transpose(place.to_object) * hit.normal)
             if wp.static(features.faces):
                 weights = weigh_corners(triangles, hit_leaf, hit_lane, ray)
                 hit.face = bvh.faces[hit_leaf][hit_lane]

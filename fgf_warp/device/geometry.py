@@ -6,6 +6,8 @@ crosses: what it meets next is sought from the distance `t_min` of the crossing 
 boundary, and boundaries that touch each other or a surface are crossed one after the other, each once.
 """
 
+from typing import Any
+
 import warp as wp
 
 from fgf_warp.device.numerics import INFINITE, choose, unit
@@ -65,6 +67,26 @@ class Start:
 
 
 @wp.struct
+class Placement:
+    """Where an object is."""
+
+    to_object: wp.mat33
+    """Inverse of the object's axes in the world."""
+    position: wp.vec3
+    """Of the object's origin in the world."""
+
+
+@wp.struct
+class Motion:
+    """The matrix that takes an object to the world, when the shutter opens and when it closes."""
+
+    axes: wp.mat33
+    position: wp.vec3
+    closing_axes: wp.mat33
+    closing_position: wp.vec3
+
+
+@wp.struct
 class Solid:
     """A canonical solid: unit sphere, [-1, 1]^3, or unit cylinder around z between -1 and 1."""
 
@@ -75,8 +97,32 @@ class Solid:
     """-1: a bare boundary."""
     container: int
     """Bit of the medium that fills it, or -1."""
+    is_open: int
+    """1: light may enter the medium through its surface, which is then a boundary too."""
     shadow_links: wp.uint32
     """Bits of the lights in whose light it casts a shadow."""
+    motion: int
+    """Index of its motion, or -1."""
+
+
+@wp.func
+def place_at(motion: Motion, time: float) -> Placement:
+    """Where a moving object is at a time in [0, 1]: its matrix moves linearly, so its points move along lines."""
+    placement = Placement()
+    placement.to_object = wp.inverse(motion.axes * (1.0 - time) + motion.closing_axes * time)
+    placement.position = motion.position * (1.0 - time) + motion.closing_position * time
+    return placement
+
+
+@wp.func
+def solid_at(solid: Solid, motions: wp.array(dtype=Motion), time: float) -> Solid:
+    """The solid where it is at a time in [0, 1]."""
+    placed = solid
+    if solid.motion >= 0:
+        placement = place_at(motions[solid.motion], time)
+        placed.to_object = placement.to_object
+        placed.to_object_offset = -(placement.to_object * placement.position)
+    return placed
 
 
 @wp.func(inline=True)
@@ -213,8 +259,24 @@ def meet_solid_surface(
     solid: Solid, span: wp.vec2, origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
 ) -> Hit:
     """`nearest`, or the surface before it."""
-    hit = nearest
+    return meet_surface_at(solid, surface_distance(span, start.passed), origin, direction, nearest)
+
+
+@wp.func(inline=True)
+def meet_open_surface(
+    solid: Solid, span: wp.vec2, origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
+) -> Hit:
+    """The same among surfaces that light may enter media through, which are met as boundaries are."""
     t = surface_distance(span, start.passed)
+    if solid.is_open == 1:
+        t = boundary_distance(span, start.t_min, is_inside(start.inside, solid.container))
+    return meet_surface_at(solid, t, origin, direction, nearest)
+
+
+@wp.func(inline=True)
+def meet_surface_at(solid: Solid, t: float, origin: wp.vec3, direction: wp.vec3, nearest: Hit) -> Hit:
+    """`nearest`, or the surface at distance t."""
+    hit = nearest
     is_nearer = t < nearest.t
     p = solid.to_object * (origin + direction * wp.where(is_nearer, t, 0.0)) + solid.to_object_offset
     normal = unit(wp.transpose(solid.to_object) * solid_normal(solid.kind, p))
@@ -234,17 +296,37 @@ def solid_span(solid: Solid, kind: int, origin: wp.vec3, direction: wp.vec3) -> 
     return solid_interval(kind, o, d)
 
 
-@wp.func
-def intersect_solids(
-    solids: wp.array(dtype=Solid), origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
-) -> Hit:
-    """`nearest`, or the solid before it."""
-    hit = nearest
-    for i in range(solids.shape[0]):
-        solid = solids[i]
-        span = solid_span(solid, solid.kind, origin, direction)
-        if solid.surface >= 0:
-            hit = meet_solid_surface(solid, span, origin, direction, start, hit)
-        else:
-            hit = meet_solid_boundary(solid, span, start, hit)
-    return hit
+def build_intersect_solids(features: Any) -> Any:
+    """The function that meets a ray with the solids of a scene of these features.
+
+    It has the arguments (solids, motions, origin, direction, start, nearest), and gives `nearest`, or the solid before
+    it.
+    """
+    meet_surface = meet_open_surface if features.passes else meet_solid_surface
+
+    @wp.func
+    def intersect_solids(
+        solids: wp.array(dtype=Solid),
+        motions: wp.array(dtype=Motion),
+        origin: wp.vec3,
+        direction: wp.vec3,
+        start: Start,
+        nearest: Hit,
+    ) -> Hit:
+        hit = nearest
+        for i in range(solids.shape[0]):
+            solid = solids[i]
+            if wp.static(features.motion):
+                solid = solid_at(solid, motions, start.time)
+            span = solid_span(solid, solid.kind, origin, direction)
+            if solid.surface >= 0:
+                if wp.static(features.links):
+                    if casts_shadow(solid.shadow_links, start.casters):
+                        hit = meet_surface(solid, span, origin, direction, start, hit)
+                else:
+                    hit = meet_surface(solid, span, origin, direction, start, hit)
+            else:
+                hit = meet_solid_boundary(solid, span, start, hit)
+        return hit
+
+    return intersect_solids

@@ -64,6 +64,8 @@ class Path:
     """1: the segment began at a medium vertex, and its flight remembers the last one."""
     pdf_direction: float
     """pdf_solid_angle with which the path last scattered, at the ray's origin."""
+    links: wp.uint32
+    """Of the shape where the path last scattered: which linked lights shine there."""
     rates: wp.vec3
     """Per channel, at which the path is frozen in its medium, or NOT_FROZEN; equal unless the scene is chromatic."""
     channel: int
@@ -109,6 +111,16 @@ class Path:
     """Of the surface that is met, or where media differ, of the medium."""
     phase: Phase
     """Of the medium, where media differ."""
+    passes: int
+    """1: the surface that is met lets it pass, straight on."""
+    transmits: int
+    """1: it is scattered to the other side of the surface that it met."""
+    incoming: wp.vec3
+    """Throughput before the last surface."""
+    reflectance: wp.vec3
+    """Colour of the surface that is met."""
+    squeeze: float
+    """Square of the index of refraction where it is, over that at the camera: throughput is of L / n^2."""
     scatters: int
     """SURFACE or BOUNDARY (in a medium) where this event scatters the path on, else MISS."""
     wi: wp.vec3
@@ -143,8 +155,6 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"face": 1, "u": 1, "v": 1}
     if features.passes:
         sizes |= {"passed": 1}
-    if features.motion:
-        sizes |= {"time": 1}
     if features.lone_law == "":
         sizes |= {"segment": 1, "keeps": 1} | dict.fromkeys(features.phase_parameters, 1)
     if features.surfaces or features.connections:
@@ -155,8 +165,20 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"hit_normal": 3}
     if features.connections:
         sizes |= {"pdf_direction": 1, "scatters": 1, "wi": 3}
-    if features.connections and not features.crossings:
+    if features.connects_in_lanes:
         sizes |= {"to_light": 3, "light_distance": 1, "light_share": 3}
+    if features.links:
+        sizes |= {"links": 1}
+    if features.shading:
+        sizes |= {"wi": 3, "pdf_direction": 1}
+        if features.connections:
+            sizes |= {"incoming": 3}
+        if "albedo" in features.aovs:
+            sizes |= {"reflectance": 3}
+    if features.passes:
+        sizes |= {"passes": 1}
+    if features.refracts:
+        sizes |= {"transmits": 1, "squeeze": 1}
     if features.chromatic:
         sizes |= {"channel": 1, "length": 1, "channel_pdfs": 3}
     if features.frozen:
@@ -386,8 +408,6 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.hit.v = get(lanes, wp.static(at["v"]), i)
         if wp.static("passed" in at):
             path.start.passed = get(lanes, wp.static(at["passed"]), i)
-        if wp.static("time" in at):
-            path.start.time = get(lanes, wp.static(at["time"]), i)
         if wp.static("segment" in at):
             path.segment = get(lanes, wp.static(at["segment"]), i)
             path.keeps = get_int(lanes, wp.static(at["keeps"]), i)
@@ -406,12 +426,24 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.hit.normal = get3(lanes, wp.static(at["hit_normal"]), i)
         if wp.static("pdf_direction" in at):
             path.pdf_direction = get(lanes, wp.static(at["pdf_direction"]), i)
-            path.scatters = get_int(lanes, wp.static(at["scatters"]), i)
             path.wi = get3(lanes, wp.static(at["wi"]), i)
+        if wp.static("scatters" in at):
+            path.scatters = get_int(lanes, wp.static(at["scatters"]), i)
+        if wp.static("incoming" in at):
+            path.incoming = get3(lanes, wp.static(at["incoming"]), i)
+        if wp.static("reflectance" in at):
+            path.reflectance = get3(lanes, wp.static(at["reflectance"]), i)
+        if wp.static("passes" in at):
+            path.passes = get_int(lanes, wp.static(at["passes"]), i)
+        if wp.static("transmits" in at):
+            path.transmits = get_int(lanes, wp.static(at["transmits"]), i)
+            path.squeeze = get(lanes, wp.static(at["squeeze"]), i)
         if wp.static("to_light" in at):
             path.to_light = get3(lanes, wp.static(at["to_light"]), i)
             path.light_distance = get(lanes, wp.static(at["light_distance"]), i)
             path.light_share = get3(lanes, wp.static(at["light_share"]), i)
+        if wp.static("links" in at):
+            path.links = wp.uint32(get_int(lanes, wp.static(at["links"]), i))
         if wp.static("channel" in at):
             path.channel = get_int(lanes, wp.static(at["channel"]), i)
             path.length = get(lanes, wp.static(at["length"]), i)
@@ -497,8 +529,6 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put(lanes, wp.static(at["v"]), i, path.hit.v)
         if wp.static("passed" in at):
             put(lanes, wp.static(at["passed"]), i, path.start.passed)
-        if wp.static("time" in at):
-            put(lanes, wp.static(at["time"]), i, path.start.time)
         if wp.static("segment" in at):
             put(lanes, wp.static(at["segment"]), i, path.segment)
             put_int(lanes, wp.static(at["keeps"]), i, path.keeps)
@@ -517,12 +547,24 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put3(lanes, wp.static(at["hit_normal"]), i, path.hit.normal)
         if wp.static("pdf_direction" in at):
             put(lanes, wp.static(at["pdf_direction"]), i, path.pdf_direction)
-            put_int(lanes, wp.static(at["scatters"]), i, path.scatters)
             put3(lanes, wp.static(at["wi"]), i, path.wi)
+        if wp.static("scatters" in at):
+            put_int(lanes, wp.static(at["scatters"]), i, path.scatters)
+        if wp.static("incoming" in at):
+            put3(lanes, wp.static(at["incoming"]), i, path.incoming)
+        if wp.static("reflectance" in at):
+            put3(lanes, wp.static(at["reflectance"]), i, path.reflectance)
+        if wp.static("passes" in at):
+            put_int(lanes, wp.static(at["passes"]), i, path.passes)
+        if wp.static("transmits" in at):
+            put_int(lanes, wp.static(at["transmits"]), i, path.transmits)
+            put(lanes, wp.static(at["squeeze"]), i, path.squeeze)
         if wp.static("to_light" in at):
             put3(lanes, wp.static(at["to_light"]), i, path.to_light)
             put(lanes, wp.static(at["light_distance"]), i, path.light_distance)
             put3(lanes, wp.static(at["light_share"]), i, path.light_share)
+        if wp.static("links" in at):
+            put_int(lanes, wp.static(at["links"]), i, wp.int32(path.links))
         if wp.static("channel" in at):
             put_int(lanes, wp.static(at["channel"]), i, path.channel)
             put(lanes, wp.static(at["length"]), i, path.length)

@@ -31,27 +31,50 @@ class Container:
 
     medium: int
     priority: int
+    light_links: wp.uint32
+    """Bits of the linked lights that shine in it."""
+    ior: float
+    """Index of refraction, where light enters through its surface; 0: its boundary refracts nothing."""
+    ior_number: int
+    """Of `ior` among the scene's; 0 is empty space."""
 
 
 @wp.func
 def container_at(containers: wp.array(dtype=Container), inside: wp.uint32) -> int:
-    """The container whose medium fills the space: of those around it the one of highest priority; -1 for none."""
+    """The container that fills the space: of those around it the one of highest priority; -1 for none."""
     found = int(-1)
-    priority = int(-2147483648)
     for i in range(containers.shape[0]):
         if is_inside(inside, i):
-            container = containers[i]
-            if found < 0 or container.priority > priority:
+            if found < 0 or containers[i].priority > containers[found].priority:
                 found = i
-                priority = container.priority
     return found
 
 
 @wp.func
 def medium_at(containers: wp.array(dtype=Container), inside: wp.uint32) -> int:
     """The medium that fills the space; -1 for none."""
-    container = container_at(containers, inside)
     medium = int(-1)
+    container = container_at(containers, inside)
     if container >= 0:
         medium = containers[container].medium
     return medium
+
+
+@wp.func
+def refracting_at(containers: wp.array(dtype=Container), inside: wp.uint32) -> int:
+    """The container whose index of refraction fills the space: of those that have one, as for media; -1 for none."""
+    found = int(-1)
+    for i in range(containers.shape[0]):
+        if is_inside(inside, i) and containers[i].ior > 0.0:
+            if found < 0 or containers[i].priority > containers[found].priority:
+                found = i
+    return found
+
+
+@wp.func
+def ior_at(containers: wp.array(dtype=Container), inside: wp.uint32) -> float:
+    """Index of refraction of the space; 1 where it is empty."""
+    found = refracting_at(containers, inside)
+    if found < 0:
+        return 1.0
+    return containers[found].ior

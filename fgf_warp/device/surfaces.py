@@ -7,10 +7,12 @@ from fgf_warp.device.numerics import PI, turn
 
 @wp.struct
 class Surface:
-    """Reflectance and emitted radiance."""
+    """Reflectance, emitted radiance, and what shines on it."""
 
     diffuse: wp.vec3
     emission: wp.vec3
+    light_links: wp.uint32
+    """Bits of the linked lights that shine on it."""
 
 
 @wp.func(inline=True)

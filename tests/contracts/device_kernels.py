@@ -8,8 +8,10 @@ import warp as wp
 
 from fgf_warp.device import bvh, lights, rng, surfaces
 from fgf_warp.device.geometry import MISS, Hit, Start
+from fgf_warp.device.numerics import INFINITE
 from fgf_warp.device.options import kernel_options
-from fgf_warp.upload import build_device_meshes
+from fgf_warp.integrator import LIGHT_KINDS
+from fgf_warp.upload_meshes import build_device_meshes
 
 wp.set_module_options(kernel_options(meshes=True))
 
@@ -35,20 +37,49 @@ def sample_diffuse_kernel(n: wp.vec3, xi: wp.array(dtype=wp.vec2), out: wp.array
     out[i] = surfaces.sample_diffuse(n, xi[i][0], xi[i][1])
 
 
+ALL_LIGHTS = frozenset(LIGHT_KINDS.values())
+intersect_lights, sample_any_light, any_light_pdf, any_radiance = lights.build_lights(ALL_LIGHTS, True, True)
+
+
 @wp.kernel
 def sample_light_kernel(
     light: wp.array(dtype=lights.Light),
+    tables: lights.LightTables,
     position: wp.vec3,
+    normal: wp.vec3,
     xi: wp.array(dtype=wp.vec2),
     direction: wp.array(dtype=wp.vec3),
     out: wp.array2d(dtype=float),
 ):
     i = wp.tid()
-    s = lights.sample_light(light[0], light[0].kind, position, xi[i][0], xi[i][1])
+    s = sample_any_light(light[0], tables, position, xi[i][0], xi[i][1])
+    hit = Hit()
+    hit.normal = normal
+    point = position + s.direction * wp.min(s.distance, 1.0e30)
     direction[i] = s.direction
     out[0, i] = s.pdf_solid_angle
-    out[1, i] = lights.light_pdf(light[0], light[0].kind, position, position + s.direction * s.distance, s.direction)
+    out[1, i] = any_light_pdf(light[0], tables, hit, position, point, s.direction)
     out[2, i] = s.distance
+    out[3, i] = s.radiance[0]
+
+
+@wp.kernel
+def meet_light_kernel(
+    light: wp.array(dtype=lights.Light),
+    tables: lights.LightTables,
+    position: wp.vec3,
+    direction: wp.array(dtype=wp.vec3),
+    out: wp.array2d(dtype=float),
+):
+    i = wp.tid()
+    hit = Hit()
+    hit.t = INFINITE
+    hit.kind = MISS
+    hit = intersect_lights(light, position, direction[i], hit)
+    if hit.kind != MISS or light[0].kind == lights.DOME or lights.is_in_distant_light(light[0], direction[i]):
+        point = position + direction[i] * wp.min(hit.t, 1.0e30)
+        out[0, i] = any_light_pdf(light[0], tables, hit, position, point, direction[i])
+        out[1, i] = any_radiance(light[0], tables, hit, point, direction[i])[0]
 
 
 @wp.kernel

@@ -26,6 +26,17 @@ axes:
     linspace: [-0.5, 0.5, 3]
   S_w: {loguniform: [0.1, 10]}
 """
+STAGE = """\
+#usda 1.0
+(
+    defaultPrim = "World"
+    metersPerUnit = 1
+    upAxis = "Y"
+)
+def Xform "World"
+{
+}
+"""
 
 
 @pytest.fixture
@@ -37,7 +48,7 @@ def scene():
 def config_path(tmp_path, monkeypatch, scene):
     """A config file beside its scene, which reads as the furnace."""
     monkeypatch.setattr(usd_scenes.reader, "read_scene", lambda path, **_: StageReading(scene, None, ()))
-    (tmp_path / "scene.usda").write_text("#usda 1.0\n")
+    (tmp_path / "scene.usda").write_text(STAGE)
     path = tmp_path / "trial.yaml"
     path.write_text(CONFIG)
     return path

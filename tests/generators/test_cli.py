@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 import fgf_warp.renderer
+import usd_scenes.reader
 from fgf_warp.errors import NumericalError, OutputError
 from fgf_warp.features import explain
 from fgf_warp.output.exr import read_exr
@@ -15,6 +16,7 @@ from generators import run
 from generators.cli import app
 from tests.renders import made_up_render
 from tests.scenes import furnace
+from usd_scenes.reader import StageReading
 
 
 def fgf(*arguments):
@@ -131,8 +133,13 @@ def test_render_reports_paths_that_were_cut(tmp_path, stage, fake_renderer, monk
         (("-o", "{tmp}/a.exr", "--memory", "0"), "memory = 0.0; accepted: a number of GiB > 0"),
         (("-o", "{tmp}/a.exr", "--memory", "nan"), "memory = nan; accepted: a number of GiB > 0"),
         (("-o", "{tmp}/a.exr", "--memory", "much"), "--memory"),
-        ((), "--output (-o) is missing; accepted: the name of the EXR, or --explain"),
+        ((), "--output (-o) is missing; accepted: the name of the EXR, a stage whose RenderProducts"),
         (("--png", "{tmp}/a.png"), "--output (-o) is missing"),
+        (("-o", "{tmp}/a.exr", "--complexity", "best"), "--complexity best: accepted: low, medium, high, veryhigh"),
+        (("-o", "{tmp}/a.exr", "--frames", "1:x"), "frames 1:x: accepted: frames such as 7, 1:24, 1:24x2"),
+        (("-o", "{tmp}/a.exr", "--frames", "1:3"), "a.exr: is the name of several images; accepted: a placeholder"),
+        (("-o", "{tmp}/a.###.exr"), "a.###.exr: there is no frame whose number it could hold; accepted: --frames"),
+        (("-o", "{tmp}/a.exr", "-f", "1", "--defaultTime"), "--defaultTime and --frames exclude each other"),
         (("--explain", "--sampler", "sobol"), "--sampler sobol: accepted: lattice, independent"),
     ],
 )
@@ -183,6 +190,226 @@ def test_render_explains_its_kernel_and_renders_nothing(tmp_path, stage, fake_re
     assert {"yes", "-"} == {row[1] for row in rows}
     assert fake_renderer == []
     assert sorted(tmp_path.rglob("*")) == before
+
+
+MOVING = """#usda 1.0
+def Camera "Film"
+{
+    double3 xformOp:translate.timeSamples = { 1: (1, 0, 9), 4: (4, 0, 9) }
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def Sphere "Ball" (
+    prepend apiSchemas = ["MaterialBindingAPI"]
+)
+{
+    rel material:binding = </Cloud>
+    double radius = 0.5
+    double radius.timeSamples = { 1: 1, 4: 4 }
+}
+def Material "Cloud" (
+    prepend apiSchemas = ["FgfMediumAPI"]
+)
+{
+}
+def Sphere "Stand" (
+    prepend apiSchemas = ["MaterialBindingAPI"]
+)
+{
+    uniform token purpose = "proxy"
+}
+"""
+
+
+@pytest.fixture
+def moving(tmp_path):
+    """A stage whose camera and sphere have samples at frames 1 and 4."""
+    path = tmp_path / "moving.usda"
+    path.write_text(MOVING)
+    return path
+
+
+@pytest.fixture
+def rendered(fake_renderer, monkeypatch):
+    """The scenes and settings that the renderer is asked for."""
+    asked = []
+
+    def render(scene, settings, progress=None):
+        asked.append((scene, settings))
+        return made_up_render(settings)
+
+    monkeypatch.setattr(fgf_warp.renderer, "render", render)
+    return asked
+
+
+SMALL = ("-w", 2, "--spp", 1)
+
+
+def test_render_writes_an_image_for_each_frame(tmp_path, moving, rendered):
+    outcome = fgf("render", moving, "-o", tmp_path / "a.###.exr", "--png", tmp_path / "a.#.png", "-f", "1:3,4", *SMALL)
+    assert outcome.exit_code == 0, outcome.output
+    assert sorted(path.name for path in tmp_path.glob("*.exr")) == [f"a.00{frame}.exr" for frame in (1, 2, 3, 4)]
+    assert sorted(path.name for path in tmp_path.glob("*.png")) == [f"a.{frame}.png" for frame in (1, 2, 3, 4)]
+    assert [scene.camera.position[0] for scene, _ in rendered] == [1, 2, 3, 4]
+    assert [scene.shapes[0].object_to_world[0, 0] for scene, _ in rendered] == [1, 2, 3, 4]
+    # What holds for all frames is told once.
+    assert outcome.stderr.count("no light: an environment of radiance 1 is used") == 1
+
+
+def test_render_takes_default_values_where_there_are_no_samples(tmp_path, moving, rendered):
+    assert fgf("render", moving, "-o", tmp_path / "a.exr", "--defaultTime", *SMALL).exit_code == 0
+    assert rendered[0][0].shapes[0].object_to_world[0, 0] == 0.5
+
+
+def test_render_adds_purposes_to_the_default_one(tmp_path, moving, rendered):
+    for purposes, count in (("proxy", 2), ("render", 1)):
+        assert fgf("render", moving, "-o", tmp_path / "a.exr", "--purposes", purposes, *SMALL).exit_code == 0
+        assert len(rendered[-1][0].shapes) == count
+    assert_refused(
+        fgf("render", moving, "-o", tmp_path / "a.exr", "--purposes", "beauty"), "purposes = beauty; accepted"
+    )
+
+
+def test_render_hands_complexity_and_strictness_to_the_reader(tmp_path, stage, fake_renderer, monkeypatch):
+    asked = {}
+
+    def read(path, **choices):
+        asked.update(choices)
+        return StageReading(furnace(), None, ())
+
+    monkeypatch.setattr(usd_scenes.reader, "read_scene", read)
+    common = ("render", stage, "-o", tmp_path / "a.exr", *SMALL)
+    assert fgf(*common).exit_code == 0
+    assert (asked["complexity"], asked["strict"], asked["purposes"]) == ("high", False, None)
+    assert fgf(*common, "--complexity", "low", "--strict", "--camera", "A").exit_code == 0
+    assert (asked["complexity"], asked["strict"], asked["camera"]) == ("low", True, "A")
+
+
+def test_render_of_clips_takes_each_frame_from_its_clip(tmp_path, rendered):
+    for clip, radius in (("one", 1), ("two", 2)):
+        samples = f"{{ 0: {radius}, 10: {radius + 0.5} }}"
+        text = f'#usda 1.0\ndef Sphere "Ball"\n{{\n double radius.timeSamples = {samples}\n}}\n'
+        (tmp_path / f"{clip}.usda").write_text(text)
+    (tmp_path / "manifest.usda").write_text('#usda 1.0\ndef Sphere "Ball"\n{\n double radius\n}\n')
+    stage = tmp_path / "clips.usda"
+    stage.write_text("""#usda 1.0
+def Sphere "Ball" (
+    clips = {
+        dictionary default = {
+            asset[] assetPaths = [@./one.usda@, @./two.usda@]
+            asset manifestAssetPath = @./manifest.usda@
+            string primPath = "/Ball"
+            double2[] active = [(1, 0), (11, 1)]
+            double2[] times = [(1, 0), (11, 10), (11, 0), (21, 10)]
+        }
+    }
+)
+{
+}
+""")
+    outcome = fgf("render", stage, "-o", tmp_path / "a.##.exr", "--frames", "1,6,11,16", *SMALL)
+    assert outcome.exit_code == 0, outcome.output
+    radii = [scene.shapes[0].object_to_world[0, 0] for scene, _ in rendered]
+    assert radii == pytest.approx([1, 1.25, 2, 2.25])
+
+
+PRODUCTS = """
+def Camera "Other"
+{
+    float horizontalAperture = 20
+    float verticalAperture = 10
+}
+def RenderSettings "Settings"
+{
+    rel products = [</One>, </Two>]
+    rel camera = </Film>
+    uniform int2 resolution = (6, 4)
+}
+def RenderProduct "One"
+{
+    token productName = "one.exr"
+    rel orderedVars = [</Color>, </Depth>, </Fog>]
+}
+def RenderProduct "Two"
+{
+    rel camera = </Other>
+    uniform int2 resolution = (8, 2)
+    token productName = "two.exr"
+}
+def RenderVar "Color"
+{
+    string sourceName = "Ci"
+}
+def RenderVar "Depth"
+{
+    string sourceName = "Z"
+}
+def RenderVar "Fog"
+{
+    string sourceName = "fog"
+}
+def RenderSettings "Small"
+{
+    uniform int2 resolution = (3, 3)
+}
+"""
+
+
+@pytest.fixture
+def with_products(moving):
+    """The same with two products, and other settings."""
+    moving.write_text(MOVING + PRODUCTS)
+    return moving
+
+
+def test_render_writes_the_products_of_a_stage(tmp_path, with_products, rendered, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    outcome = fgf("render", with_products, "--frame", 1, "--spp", 1)
+    assert outcome.exit_code == 0, outcome.output
+    (one, _), (two, _) = read_exr(tmp_path / "one.exr"), read_exr(tmp_path / "two.exr")
+    assert set(one) == {"R", "G", "B", "A", "Z"}
+    assert set(two) > set(one)
+    assert (one["R"].shape, two["R"].shape) == ((4, 6), (2, 8))
+    assert [scene.camera.name for scene, _ in rendered] == ["/Film", "/Other"]
+    assert "render var of sourceName fog is not known and left out; accepted: color, depth" in outcome.stderr
+
+
+def test_renders_options_override_what_the_stage_says(tmp_path, with_products, rendered):
+    options = ("--camera", "Other", "-w", 5, "--imageHeight", 7, "--aov", "albedo")
+    outcome = fgf("render", with_products, "-o", tmp_path / "a.exr", "--frame", 1, "--spp", 1, *options)
+    assert outcome.exit_code == 0, outcome.output
+    channels, _ = read_exr(tmp_path / "a.exr")
+    assert set(channels) == {"R", "G", "B", "A", "albedo.R", "albedo.G", "albedo.B"}
+    assert channels["R"].shape == (7, 5)
+    assert rendered[0][0].camera.name == "/Other"
+    assert "--output names one image, that of /One; not rendered: /Two" in outcome.stderr
+    assert not (tmp_path / "one.exr").exists()
+
+
+def test_render_takes_the_settings_that_are_asked_for(tmp_path, with_products, rendered):
+    common = ("render", with_products, "-o", tmp_path / "a.exr", "--frame", 1, "--spp", 1, "--renderSettingsPrimPath")
+    assert fgf(*common, "/Small").exit_code == 0
+    assert (rendered[0][1].width, rendered[0][1].height) == (3, 3)
+    assert_refused(fgf(*common, "/Big"), "render settings '/Big' are not in the stage; it has: /Settings, /Small")
+
+
+def test_a_render_that_is_stopped_leaves_whole_files_alone(tmp_path, moving, fake_renderer, monkeypatch):
+    def render(scene, settings, progress=None):
+        if scene.camera.position[0] == 3:
+            raise KeyboardInterrupt
+        return made_up_render(settings)
+
+    monkeypatch.setattr(fgf_warp.renderer, "render", render)
+    outcome = fgf("render", moving, "-o", tmp_path / "a.#.exr", "--frames", "1:4", *SMALL)
+    assert_refused(outcome, "stopped; 2 of 4 images are written", code=3)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.1.exr", "a.2.exr", "moving.usda"]
+
+
+def test_render_explains_the_kernel_of_a_frame(moving, rendered, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    outcome = fgf("render", moving, "--explain", "--frames", "3:4")
+    assert outcome.exit_code == 0, outcome.output
+    assert "/Ball" in outcome.stdout
+    assert rendered == []
 
 
 def test_render_refuses_a_missing_stage(tmp_path):
@@ -342,8 +569,26 @@ def test_validate_tells_what_is_there(config_path, stage):
     of_config = fgf("validate", config_path).stdout
     assert "6 samples, sweeping H, g, S_w" in of_config
     assert "/medium: H = -0.5" in of_config
-    assert_refused(fgf("validate", stage.parent / "no.usda"), "there is no such stage")
+    assert_refused(fgf("validate", stage.parent / "no.usda"), "no such file")
     assert_refused(fgf("validate", stage.parent / "no.yaml"), "cannot be read")
+
+
+def test_validate_tells_all_that_is_wrong(tmp_path):
+    path = tmp_path / "scene.usda"
+    path.write_text(
+        '#usda 1.0\n(\n    defaultPrim = "A"\n    upAxis = "Y"\n)\n'
+        + "".join(f'def Sphere "{name}"\n{{\n    double radius = 0\n}}\n' for name in "AB")
+    )
+    outcome = fgf("validate", path)
+    assert outcome.exit_code == 2
+    *findings, summary, verdict = outcome.stdout.splitlines()
+    assert [line.split(": ")[:2] for line in findings] == [
+        ["error", "/"],
+        ["error", "/A.radius"],
+        ["error", "/B.radius"],
+    ]
+    assert summary == f"{path}: 3 errors, 0 warnings"
+    assert verdict == "not accepted by the renderer"
 
 
 @pytest.mark.parametrize("command", ["render", "generate", "plan", "validate", "law"])

@@ -12,6 +12,7 @@ from fgf_warp.scene import Mesh
 from fgf_warp.settings import Aov, RenderSettings
 from tests import stats
 from tests.grid import REGIMES
+from tests.render.test_instances import example
 from tests.render.test_media import BOX, CORNERS
 from tests.render.test_render import full_scene
 from tests.scenes import furnace
@@ -33,8 +34,9 @@ def mesh_scene():
         lambda: furnace(extinction_color=(1, 2, 3)),
         lambda: furnace(transport="mixed", **REGIMES["pink"]),
         lambda: furnace(transport="mixed", extinction_color=(1, 2, 3), **REGIMES["exact fbm"]),
+        example,
     ],
-    ids=["full", "mesh", "chromatic", "mixed", "exact variance"],
+    ids=["full", "mesh", "chromatic", "mixed", "exact variance", "instances"],
 )
 def test_the_kernel_builds_for_cuda(make, tmp_path):
     kernel = build_program(required_features(make(), SETTINGS)).render_threads

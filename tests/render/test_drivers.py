@@ -11,6 +11,7 @@ import warp as wp
 from fgf_warp.renderer import begin, build_model, develop, step
 from fgf_warp.settings import Aov, RenderSettings
 from tests.grid import REGIMES
+from tests.render.test_instances import example
 from tests.render.test_render import full_scene
 from tests.scenes import furnace
 
@@ -69,8 +70,9 @@ def test_the_pool_of_lanes_is_faster_than_one_path_at_a_time(make, ratio):
         lambda: furnace(fills_view=False, **REGIMES["pink"]),
         lambda: furnace(fills_view=False, transport="mixed", **REGIMES["pink"]),
         full_scene,
+        example,
     ],
-    ids=["pink", "mixed", "full"],
+    ids=["pink", "mixed", "full", "instances"],
 )
 def test_both_drivers_render_the_same_picture(make):
     """The driver of CUDA, run on the CPU: from the same random numbers, up to the order of sums."""

@@ -1,15 +1,32 @@
 """Lights on a diffuse plane against closed forms, and next-event estimation against paths that find the light."""
 
 import math
+from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
+from fgf_warp import upload_lights
 from fgf_warp.renderer import render
-from fgf_warp.scene import AreaLight, DistantLight, DomeLight, Medium, Scene, Solid, SphereLight, Surface
+from fgf_warp.scene import (
+    WHITE,
+    AreaLight,
+    CylinderLight,
+    DistantLight,
+    DomeLight,
+    Image,
+    Medium,
+    Scene,
+    Shaping,
+    Solid,
+    SphereLight,
+    Surface,
+)
 from fgf_warp.settings import RenderSettings
 from tests import stats
 from tests.grid import REGIMES
+from tests.lighting import grey_image, irradiance
 from tests.scenes import camera, transform
 
 RHO = 0.6
@@ -48,6 +65,181 @@ def test_irradiance_on_a_plane(kind):
     scene = Scene(camera((1.5, 0, 0.7), (0, 0, 0), aperture=1e-4), (floor,), lights=(light,))
     result = render(scene, SETTINGS)
     stats.assert_means(*stats.image_mean(result), RHO * irradiance / math.pi, detects=0.005)
+
+
+def dome_around_z(image, **more) -> DomeLight:
+    """With its pole along z, longitude 0 along x and pi / 2 along y."""
+    return DomeLight("/l", WHITE, image, ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), **more)
+
+
+LATITUDES = np.pi / 2 - (np.arange(128) + 0.5) * np.pi / 128
+SUN = np.full((32, 64), 0.5)
+SUN[9, 40] = 1e6
+DOWN = (0.0, 0.0, -1.0)
+TILTED = (0.6, 0.0, -0.8)
+INTRICATE = {
+    "cosine dome": dome_around_z(grey_image(np.maximum(np.sin(LATITUDES), 0)[:, None])),
+    "dome of two hemispheres": dome_around_z(grey_image([[1.0], [0.0]])),
+    "dome of random bytes": DomeLight("/l", (2.0,) * 3, grey_image(np.random.default_rng(3).random((5, 8)))),
+    "dome with a sun": dome_around_z(grey_image(SUN)),
+    "dome of one texel": DomeLight("/l", (2.0,) * 3, grey_image([[0.5]])),
+    "linked dome": DomeLight("/l", (2.0,) * 3, link=3),
+    "rect with half an image": AreaLight(
+        "/l", "rect", (0, 0, HEIGHT), (1, 0, 0), (0, -1, 0), (5.0,) * 3, grey_image([[0.0, 1.0]])
+    ),
+    "rect with an image": AreaLight(
+        "/l",
+        "rect",
+        (0.3, 0, HEIGHT),
+        (1.5, 0.4, 0),
+        (0, -1, 0.5),
+        (5.0,) * 3,
+        grey_image(np.random.default_rng(4).random((3, 4)) ** 4),
+        ((0.0, -0.5, 0.5), (0.5, 0.0, 0.5)),
+    ),
+    "cylinder": CylinderLight("/l", (0, 0, HEIGHT), (2.0, 0, 0), 0.5, (5.0,) * 3),
+    "tilted cylinder": CylinderLight("/l", (-1.0, 0.3, 1.5), (0.6, 0.5, 0.7), 0.4, (5.0,) * 3),
+    "hard cone": SphereLight("/l", (0, 0, HEIGHT), 0.7, (5.0,) * 3, shaping=Shaping(TILTED, math.radians(40))),
+    "soft cone": SphereLight("/l", (0, 0, HEIGHT), 0.7, (5.0,) * 3, shaping=Shaping(TILTED, math.radians(60), 0.8)),
+    "focus": AreaLight(
+        "/l",
+        "disk",
+        (0, 0, HEIGHT),
+        (1, 0, 0),
+        (0, -1, 0),
+        (5.0,) * 3,
+        shaping=Shaping(DOWN, math.pi, 0.0, 6.0, (0.3, 0.0, 0.0)),
+    ),
+    "shaped cylinder": CylinderLight(
+        "/l", (0, 0, HEIGHT), (2.0, 0, 0), 0.5, (5.0,) * 3, shaping=Shaping(TILTED, math.radians(80), 0.5, 2.0)
+    ),
+}
+CLOSED_FORMS = {
+    "cosine dome": 2 * math.pi / 3,
+    "dome of one texel": math.pi,
+    "linked dome": 2 * math.pi,
+    "rect with half an image": 2.5 * math.pi * form_factor_of_square(1.0, HEIGHT),
+}
+"""The others are integrated alone."""
+BLACK = (0.0, 0.0, 0.0)
+BELOW = (40.0, 30.0, -50.0)
+UNSEEN = (
+    AreaLight("/u", "rect", BELOW, (1, 0, 0), (0, 1, 0), BLACK, grey_image([[1.0]])),
+    AreaLight("/u", "disk", BELOW, (1, 0, 0), (0, 1, 0), BLACK, link=0, shaping=Shaping(DOWN)),
+    SphereLight("/u", BELOW, 1.0, BLACK),
+    CylinderLight("/u", BELOW, (1, 0, 0), 1.0, BLACK),
+    DomeLight("/u", BLACK, grey_image([[1.0]])),
+)
+"""Black lights below the floor, so that all these scenes have one kernel."""
+
+
+def chosen(monkeypatch, item: int) -> None:
+    """Makes paths connect to one light alone."""
+    monkeypatch.setattr(upload_lights, "choose_chances", lambda sources, scene: np.eye(len(sources))[item])
+
+
+def floor_under(light, *shapes, **links) -> Scene:
+    """A pixel shows rho E / pi of one point of the floor."""
+    floor = Solid("/floor", "cube", transform((1e3, 1e3, 1), (0, 0, -1)), Surface((RHO,) * 3), **links)
+    lights = light if isinstance(light, tuple) else (light, *UNSEEN)
+    return Scene(camera((1.5, 0, 0.7), (0, 0, 0), aperture=1e-4), (floor, *shapes), lights=lights)
+
+
+@cache
+def expected_irradiance(kind: str) -> float:
+    integrated = irradiance(INTRICATE[kind], points=1500 if kind in ("dome with a sun", "hard cone") else 500)
+    if kind in CLOSED_FORMS:
+        assert integrated == pytest.approx(CLOSED_FORMS[kind], rel=3e-4)
+    return integrated
+
+
+@pytest.mark.parametrize("kind", INTRICATE)
+def test_irradiance_of_intricate_lights(kind, monkeypatch):
+    """As above: connections, weighed against paths that find the light."""
+    chosen(monkeypatch, 0)
+    result = render(floor_under(INTRICATE[kind], light_links=8), SETTINGS)
+    stats.assert_means(*stats.image_mean(result), RHO * expected_irradiance(kind) / math.pi, detects=0.005)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in INTRICATE if kind != "dome with a sun"])
+def test_intricate_lights_are_found_by_scattered_rays(kind, monkeypatch):
+    """Without connections: sees a bias of 1.5 %."""
+    chosen(monkeypatch, 1)
+    result = render(floor_under(INTRICATE[kind], light_links=8), replace(SETTINGS, spp=4096))
+    stats.assert_means(*stats.image_mean(result), RHO * expected_irradiance(kind) / math.pi, detects=0.015)
+
+
+def test_many_lights_are_all_connected_to():
+    """By the chances that follow from their power: the sum of all, and of a linked one that does not shine here."""
+    kinds = ("cosine dome", "cylinder", "dome of two hemispheres")
+    lights = tuple(INTRICATE[kind] for kind in kinds)
+    away = AreaLight("/a", "rect", (40, 0, HEIGHT), (1, 0, 0), (0, -1, 0), (1e3,) * 3, link=4)
+    result = render(floor_under((*lights, away, *UNSEEN), light_links=8), replace(SETTINGS, spp=4096))
+    # The tube hides a part of the domes.
+    hidden = irradiance(replace(INTRICATE["cylinder"], radiance=WHITE))
+    expected = sum(expected_irradiance(kind) for kind in kinds) - 2 * hidden
+    mean, _ = stats.image_mean(result)
+    assert RHO * expected / math.pi < mean < RHO * (expected + 2 * hidden) / math.pi
+
+
+DIRECTIONS = {
+    "+z": ((0, 0, 1), (0.5, 0.5)),
+    "+x": ((1, 0, 0), (0.25, 0.5)),
+    "-x": ((-1, 0, 0), (0.75, 0.5)),
+    "-z, from +x": ((0.02, 0, -1), (0.0, 0.5)),
+    "+y": ((0, 1, 0), (0.5, 0.0)),
+    "-y": ((0, -1, 0), (0.5, 1.0)),
+    "up and left": ((1, math.sqrt(2), 1), (0.375, 0.25)),
+}
+"""Where the camera looks, and the place in the image from its top left corner: OpenEXR's latitude and longitude."""
+QUARTER_TURN = ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0))
+"""Around y, from z to x."""
+
+
+@pytest.mark.parametrize("turned", [False, True], ids=["as it is", "turned"])
+@pytest.mark.parametrize("name", DIRECTIONS)
+def test_a_dome_is_seen_where_the_format_says(name, turned):
+    """A red spot on blue at one place of the image, and the camera looking there: red, and blue to the other side."""
+    towards, (s, t) = DIRECTIONS[name]
+    pixels = np.zeros((32, 64, 4), dtype=np.float32)
+    pixels[..., 2] = 1.0
+    # The four texels around the place; at a pole all of a row.
+    for row in {*np.clip([int(t * 32) - 1, int(t * 32)], 0, 31).tolist()}:
+        columns = range(64) if t in (0.0, 1.0) else [int(s * 64) - 1, int(s * 64)]
+        pixels[row, columns] = (1.0, 0.0, 0.0, 1.0)
+    turn = np.array(QUARTER_TURN if turned else np.eye(3))
+    dome = DomeLight("/l", (2.0,) * 3, Image("spot", pixels), tuple(map(tuple, turn.tolist())))
+    speck = Solid("/speck", "cube", transform(1e-3, (50, 50, 50)), Surface())
+    at = turn @ np.asarray(towards, dtype=float)
+    for sign, color in ((1, (2, 0, 0)), (-1, (0, 0, 2))):
+        scene = Scene(camera((0, 0, 0), sign * at, aperture=1e-3), (speck,), lights=(dome, *UNSEEN))
+        result = render(scene, replace(SETTINGS, spp=1))
+        assert np.allclose(result.radiance, color, atol=2e-2), (sign, result.radiance[0, 0])
+        assert not result.alpha.any()
+
+
+def test_lights_shine_on_what_they_are_linked_to(monkeypatch):
+    chosen(monkeypatch, 0)
+    kept = render(floor_under(replace(INTRICATE["cylinder"], link=2), light_links=4), SETTINGS)
+    free = render(floor_under(INTRICATE["cylinder"], light_links=3), SETTINGS)
+    assert np.array_equal(kept.radiance, free.radiance)
+    for light in (INTRICATE["cylinder"], INTRICATE["dome of random bytes"]):
+        assert not render(floor_under(replace(light, link=2), light_links=3), SETTINGS).radiance.any()
+
+
+def test_only_linked_shapes_cast_shadows(monkeypatch):
+    """A lid under the light casts one where its bit is set; and connections alone carry the light, without bias."""
+    chosen(monkeypatch, 0)
+    light = replace(INTRICATE["rect with an image"], shadow_link=1)
+
+    def lid(bits):
+        return Solid("/lid", "cube", transform((50, 50, 0.01), (0, 0, 1)), Surface(BLACK), shadow_links=bits)
+
+    open_ = render(floor_under(light, lid(1)), SETTINGS)
+    expected = RHO * irradiance(light) / math.pi
+    stats.assert_means(*stats.image_mean(open_), expected, detects=0.005)
+    closed = render(floor_under(light, lid(2)), replace(SETTINGS, max_depth=1))
+    assert not closed.radiance.any()
 
 
 def test_a_flat_light_is_black_from_behind():

@@ -1,10 +1,12 @@
 """Reads stages that a test writes as text: it says what it is about, and the rest is the same for all."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from fgf_warp import renderer
+from tests.usd.one_kernel import EVERYTHING
 from tests.usd.prims import CAMERA, DOME, HEADER
 from usd_scenes.reader import StageReading, read_scene
 
@@ -25,6 +27,14 @@ def read(tmp_path: Path) -> Callable[..., StageReading]:
         return read_scene(write(tmp_path, header + camera + light + prims), camera=chosen, **arguments)
 
     return read_prims
+
+
+@pytest.fixture(scope="module")
+def one_kernel() -> Iterator[None]:
+    """Makes the renderer build the kernel that has everything, for every scene."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(renderer, "required_features", lambda _scene, _settings: EVERYTHING)
+        yield
 
 
 def write(folder: Path, text: str) -> Path:

@@ -7,6 +7,9 @@ CAMERA = """def Camera "Camera"
     uniform token[] xformOpOrder = ["xformOp:translate"]
 }
 """
+TWO_CAMERAS = (
+    'def Camera "A"\n{\n}\ndef Xform "X"\n{\n def Camera "B"\n {\n }\n}\ndef Xform "Y"\n{\n def Camera "B"\n {\n }\n}\n'
+)
 DOME = 'def DomeLight "Dome"\n{\n}\n'
 
 
@@ -29,8 +32,8 @@ def Material "Look" (
 """
 
 
-def preview_sphere(inputs: str) -> str:
-    """A sphere whose material /Look is a UsdPreviewSurface with these inputs."""
+def preview_sphere(inputs: str, inside: str = "") -> str:
+    """A sphere whose material /Look is a UsdPreviewSurface with these inputs, beside what else is `inside` of it."""
     return medium_sphere(
         "token outputs:surface.connect = </Look/Surface.outputs:surface>",
         schemas="",
@@ -39,5 +42,6 @@ def preview_sphere(inputs: str) -> str:
         uniform token info:id = "UsdPreviewSurface"
         {inputs}
         token outputs:surface
-    }}""",
+    }}
+    {inside}""",
     )

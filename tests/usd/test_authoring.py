@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Usd, UsdGeom, UsdShade
+from pxr import Gf, Usd, UsdGeom, UsdShade, UsdUtils
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import Medium
 from usd_scenes import schema
-from usd_scenes.authoring import author_fgf_medium
+from usd_scenes.authoring import author_fgf_medium, author_interchange
 from usd_scenes.reader import read_scene
+from usd_scenes.validation import validate_stage
 
 VALUES = {
     "mean_extinction": 3.7,
@@ -123,3 +124,73 @@ def test_values_of_the_wrong_kind_author_nothing(wrong):
     with pytest.raises(SceneError, match="/M: "):
         author_fgf_medium(material, **(dict(mean_extinction=2.0) | wrong))
     assert not material.GetPrim().GetAppliedSchemas()
+
+
+def test_interchange_names_the_classical_medium_of_the_same_means(stage: Usd.Stage) -> None:
+    author_fgf_medium(stage.GetPrimAtPath("/Look"), **VALUES)
+    author_interchange(stage.GetPrimAtPath("/Look"))
+    volume, output, _ = UsdShade.Material.Get(stage, "/Look").ComputeVolumeSource()
+    assert (volume.GetShaderId(), output) == ("ND_volume", "out")
+    (function,) = (source.source for source in volume.GetInput("vdf").GetConnectedSources()[0])
+    function = UsdShade.Shader(function.GetPrim())
+    assert function.GetShaderId() == "ND_anisotropic_vdf"
+    absorption, scattering = (np.array(function.GetInput(name).Get()) for name in ("absorption", "scattering"))
+    extinction = VALUES["mean_extinction"] * np.array(VALUES["extinction_color"])
+    np.testing.assert_allclose(absorption + scattering, extinction, rtol=1e-6)
+    np.testing.assert_allclose(scattering / extinction, VALUES["albedo"], rtol=1e-6)
+    assert function.GetInput("anisotropy").Get() == pytest.approx(0.75 * -0.35 + 0.25 * -0.8)
+
+
+def test_interchange_connects_the_network_to_the_medium(stage: Usd.Stage) -> None:
+    author_fgf_medium(stage.GetPrimAtPath("/Look"), **VALUES)
+    author_interchange(stage.GetPrimAtPath("/Look"))
+    material = UsdShade.Material.Get(stage, "/Look")
+    shader, output, _ = material.ComputeVolumeSource("fgf")
+    assert (shader.GetShaderId(), output) == ("FgfMedium", "volume")
+    inputs = {name for name in schema.MEDIUM_ATTRIBUTES.values() if name.startswith("inputs:")}
+    sources = {str(UsdShade.Utils.GetValueProducingAttributes(i)[0].GetName()) for i in shader.GetInputs()}
+    assert sources == inputs - {"inputs:fgf:kappa"}
+    assert {i.GetBaseName() for i in material.GetInterfaceInputs()} >= {"fgf:hurst", "fgf:albedo"}
+
+
+@pytest.mark.parametrize("how", ["usda", "usdc", "usdz", "flattened"])
+def test_interchange_survives_and_is_not_read(stage: Usd.Stage, tmp_path: Path, how: str) -> None:
+    author_fgf_medium(stage.GetPrimAtPath("/Look"), **VALUES)
+    author_interchange(stage.GetPrimAtPath("/Look"))
+    path = tmp_path / f"stage.{'usdc' if how in ('usdz', 'flattened') else how}"
+    stage.GetRootLayer().Export(str(path))
+    if how == "usdz":
+        path = tmp_path / "packed.usdz"
+        assert UsdUtils.CreateNewUsdzPackage(str(tmp_path / "stage.usdc"), str(path))
+    if how == "flattened":
+        outer = Usd.Stage.CreateNew(str(tmp_path / "outer.usda"))
+        outer.GetRootLayer().subLayerPaths.append("./stage.usdc")
+        path = tmp_path / "flat.usda"
+        outer.Flatten().Export(str(path))
+    reading = read_scene(path)
+    assert reading.scene.media == (Medium(name="/Look", **VALUES),)
+    assert not [text for text in reading.warnings if "volume" in text]
+    kept = Usd.Stage.Open(str(path))
+    material = UsdShade.Material.Get(kept, "/Look")
+    assert material.ComputeVolumeSource()[0].GetShaderId() == "ND_volume"
+    assert material.ComputeVolumeSource("fgf")[0].GetShaderId() == "FgfMedium"
+
+
+def test_interchange_is_valid(tmp_path: Path) -> None:
+    stage = Usd.Stage.CreateNew(str(tmp_path / "stage.usda"))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
+    material = UsdShade.Material.Define(stage, "/World/Look")
+    ball = UsdGeom.Sphere.Define(stage, "/World/Ball").GetPrim()
+    UsdShade.MaterialBindingAPI.Apply(ball).Bind(material)
+    author_fgf_medium(material, mean_extinction=1)
+    author_interchange(material)
+    stage.Save()
+    assert validate_stage(tmp_path / "stage.usda") == ()
+
+
+def test_interchange_needs_a_medium(stage: Usd.Stage) -> None:
+    with pytest.raises(SceneError, match="/Look: FgfMediumAPI is not applied; author a medium first"):
+        author_interchange(stage.GetPrimAtPath("/Look"))
+    assert not stage.GetPrimAtPath("/Look").GetChildren()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fgf_warp.scene import Medium
-from usd_scenes.library import MEDIUM_PATH, build_mesh, build_slab, build_sphere, trefoil_tube
-from usd_scenes.reader import read_stage
+from usd_scenes.library import MEDIUM_PATH, build_mesh, build_slab, build_sphere, stage_names, stage_path, trefoil_tube
+from usd_scenes.reader import read_scene, read_stage
 from usd_scenes.reader.bounds import scene_bounds
 
 MEDIUM = Medium(
@@ -41,3 +41,9 @@ def test_mesh() -> None:
     assert mesh.points == pytest.approx(points, abs=1e-6)
     assert len(mesh.triangles) == 2 * len(quads)
     assert reading.warnings == ()
+
+
+@pytest.mark.parametrize("name", sorted(set(stage_names()) - {"glass"}))
+def test_surfaces_of_the_stages_are_matte(name: str) -> None:
+    reading = read_scene(stage_path(name), strict=True)
+    assert all(shape.surface is None or shape.surface.is_matte for shape in reading.scene.shapes)

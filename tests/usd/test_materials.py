@@ -6,7 +6,7 @@ import pytest
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import Medium, Surface
-from tests.usd.prims import medium_sphere, preview_sphere
+from tests.usd.prims import medium_sphere
 
 
 def test_unauthored_values_are_the_schemas(read) -> None:
@@ -75,6 +75,8 @@ def test_values_out_of_range_are_refused(read, attribute: str, message: str) -> 
             "float inputs:fgf:hurts = 1",
             "/Look.inputs:fgf:hurts is unknown, maybe inputs:fgf:hurst is meant; accepted: fgf:boundary",
         ),
+        ("float fgf:kapa = 1", "/Look.fgf:kapa is unknown, maybe inputs:fgf:kappa is meant; accepted: fgf:boundary"),
+        ("float inputs:fgf:qqq = 1", "/Look.inputs:fgf:qqq is unknown; accepted: fgf:boundary"),
         (
             'float inputs:fgf:hurst = -0.75\nuniform token fgf:transport = "reciprocal"',
             "/Look.fgf:transport: transport = 'reciprocal' with H = -0.75; accepted for H < -0.5: renewal only",
@@ -131,6 +133,7 @@ SURFACE = """def Shader "S"
     {
         uniform token info:id = "UsdPreviewSurface"
         color3f inputs:diffuseColor = (0.5, 0.4, 0.3)
+        float inputs:opacity = 0.25
         token outputs:surface
     }"""
 TERMINAL = "token outputs:surface.connect = </Look/S.outputs:surface>"
@@ -145,68 +148,22 @@ def test_a_boundary_of_none_leaves_the_surface_out_and_says_so(read) -> None:
 def test_a_boundary_of_surface_keeps_both(read) -> None:
     reading = read(medium_sphere(TERMINAL + '\nuniform token fgf:boundary = "surface"', inside=SURFACE))
     (shape,) = reading.scene.shapes
-    assert shape.surface == Surface(diffuse=(0.5, 0.4, 0.3))
+    assert shape.surface == Surface(diffuse=(0.5, 0.4, 0.3), ior=1.5, opacity=0.25)
     assert shape.medium == 0
     assert reading.warnings == ()
+
+
+def test_an_opaque_boundary_is_named(read) -> None:
+    opaque = SURFACE.replace("inputs:opacity = 0.25", "inputs:opacity = 1")
+    reading = read(medium_sphere(TERMINAL + '\nuniform token fgf:boundary = "surface"', inside=opaque))
+    assert reading.scene.shapes[0].medium == 0
+    assert reading.warnings == ("the medium is never seen, as the surface around it is opaque: /Look",)
 
 
 def test_a_boundary_of_surface_without_a_surface_is_named(read) -> None:
     reading = read(medium_sphere('uniform token fgf:boundary = "surface"'))
     assert reading.scene.shapes[0].surface == Surface()
     assert reading.warnings == ("material without a surface: the display color is used: /Look",)
-
-
-def test_preview_surface_colors(read) -> None:
-    reading = read(
-        preview_sphere("color3f inputs:diffuseColor = (0.2, 0.3, 0.4)\ncolor3f inputs:emissiveColor = (5, 6, 7)")
-    )
-    assert reading.scene.shapes[0].surface == Surface(diffuse=(0.2, 0.3, 0.4), emission=(5.0, 6.0, 7.0))
-    assert reading.warnings == ()
-
-
-def test_other_inputs_are_named_where_they_differ_from_their_fallback(read) -> None:
-    reading = read(
-        preview_sphere("float inputs:metallic = 1\nfloat inputs:roughness = 0.5\nfloat inputs:opacity = 0.4")
-    )
-    (warning,) = reading.warnings
-    assert warning.endswith("/Look/Surface.inputs:metallic, /Look/Surface.inputs:opacity")
-
-
-def test_a_texture_falls_back_to_grey_by_name(read) -> None:
-    prims = preview_sphere("color3f inputs:diffuseColor.connect = </T.outputs:rgb>")
-    reading = read(prims + 'def Shader "T"\n{\n uniform token info:id = "UsdUVTexture"\n float3 outputs:rgb\n}')
-    assert reading.scene.shapes[0].surface == Surface()
-    assert any("(0.18, 0.18, 0.18) is used: /Look/Surface.inputs:diffuseColor" in text for text in reading.warnings)
-
-
-@pytest.mark.parametrize(
-    ("value", "message"),
-    [
-        (
-            "color3f inputs:diffuseColor = (2, 0, 0)",
-            r"/Look/Surface.inputs:diffuseColor = \(2, 0, 0\); accepted: .*\[0, 1\]",
-        ),
-        ("color3f inputs:emissiveColor = (-2, 0, 0)", "/Look/Surface.inputs:emissiveColor = .*; accepted: .*>= 0"),
-    ],
-)
-def test_impossible_colors_are_refused(read, value: str, message: str) -> None:
-    with pytest.raises(SceneError, match="stage.usda: " + message):
-        read(preview_sphere(value))
-
-
-def test_display_color_where_there_is_no_material(read) -> None:
-    prims = (
-        'def Xform "X"\n{\n color3f[] primvars:displayColor = [(0.1, 0.2, 0.3)]\n'
-        ' def Sphere "A"\n{\n}\n def Sphere "B"\n{\n color3f[] primvars:displayColor = [(0.9, 0.2, 0.3)]\n}\n}\n'
-        'def Sphere "C"\n{\n}\n'
-    )
-    surfaces = [shape.surface for shape in read(prims).scene.shapes]
-    assert surfaces == [Surface((0.1, 0.2, 0.3)), Surface((0.9, 0.2, 0.3)), Surface((0.18, 0.18, 0.18))]
-
-
-def test_a_binding_to_nothing_is_named(read) -> None:
-    prims = 'def Sphere "S" (\n prepend apiSchemas = ["MaterialBindingAPI"]\n)\n{\n rel material:binding = </Gone>\n}'
-    assert "bound to something that is no Material: /S.material:binding" in read(prims).warnings
 
 
 def test_warnings_of_the_law_name_the_medium(read) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from pxr import Sdf, Usd, UsdShade
+from pxr import Sdf, Sdr, Usd, UsdShade
 
 from fgf_warp.scene import PHASE_FUNCTIONS
 from fgf_warp.theory.phase import DRAINE_ALPHA_MAX
@@ -106,3 +106,15 @@ def test_generated_files_are_those_of_the_source(tmp_path: Path) -> None:
     subprocess.run(command, cwd=tmp_path, capture_output=True, check=True)
     for name in ("generatedSchema.usda", "plugInfo.json"):
         assert (tmp_path / name).read_text() == (schema.FOLDER / name).read_text(), name
+
+
+def test_the_shader_takes_what_the_schema_has(material: Usd.Prim) -> None:
+    schema.register_shader()
+    node = Sdr.Registry().GetShaderNodeByIdentifier(schema.SHADER_NAME)
+    inputs = {name for name in schema.MEDIUM_ATTRIBUTES.values() if name.startswith("inputs:")}
+    assert {f"inputs:fgf:{name}" for name in node.GetShaderInputNames()} == inputs
+    for name in inputs:
+        default = node.GetShaderInput(name.removeprefix("inputs:fgf:")).GetDefaultValue()
+        fallback = material.GetAttribute(name).Get()
+        assert default == fallback
+    assert list(node.GetShaderOutputNames()) == ["volume"]

@@ -1,15 +1,16 @@
 """Reads a USD stage into a `fgf_warp.scene.Scene`; reading is validation."""
 
-from usd_scenes.reader.frames import parse_frames
 from usd_scenes.reader.settings import Product
 from usd_scenes.reader.stage import (
     COMPLEXITIES,
     Frame,
     StageReading,
+    StageSurvey,
     read_products,
     read_scene,
     read_stage,
     stages_kept_open,
+    survey_stage,
 )
 
 __all__ = [
@@ -17,9 +18,10 @@ __all__ = [
     "Frame",
     "Product",
     "StageReading",
-    "parse_frames",
+    "StageSurvey",
     "read_products",
     "read_scene",
     "read_stage",
     "stages_kept_open",
+    "survey_stage",
 ]

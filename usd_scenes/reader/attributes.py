@@ -135,15 +135,18 @@ def read_array(attribute: Usd.Attribute, time: Usd.TimeCode, dtype: type, width:
         (n,) for `width` 1, else (n, width).
 
     Raises:
-        SceneError: for a value that is no such array.
+        SceneError: for a value that is no such array, or numbers that are not finite.
     """
     value = attribute.Get(time)
     try:
         array: np.ndarray = np.array([] if value is None else value, dtype=dtype)
-        return array.reshape(-1, width) if width > 1 else array.reshape(len(array))
+        array = array.reshape(-1, width) if width > 1 else array.reshape(len(array))
     except (TypeError, ValueError):
         kind = "numbers" if width == 1 else f"entries of {width} numbers"
         raise SceneError(f"{attribute.GetPath()} is no array; accepted: an array of {kind}") from None
+    if not np.isfinite(array).all():
+        raise SceneError(f"{attribute.GetPath()} holds numbers that are not finite; accepted: finite numbers")
+    return array
 
 
 def read_token(attribute: Usd.Attribute, time: Usd.TimeCode, accepted: tuple[str, ...]) -> str | None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
-from fgf_warp.errors import SceneError
+from fgf_warp.errors import FgfError, SceneError
 from usd_scenes.reader.images import ImageFiles
 from usd_scenes.reader.notes import Notes
 
@@ -25,6 +27,7 @@ class StageContext:
         strict: True where what is missing is an error instead of a warning.
         notes: collects warnings.
         images: keeps the pictures that were read.
+        refusals: collects errors, so that all of a stage's are found; None: the first one is raised.
     """
 
     stage: Usd.Stage
@@ -35,13 +38,24 @@ class StageContext:
     strict: bool = False
     notes: Notes = field(default_factory=Notes)
     images: ImageFiles = field(default_factory=ImageFiles)
+    refusals: list[FgfError] | None = None
     _opening: UsdGeom.XformCache = field(init=False)
     _closing: UsdGeom.XformCache = field(init=False)
 
     def __post_init__(self) -> None:
-        opening, closing = self.shutter or (self.time, self.time)
+        opening, closing = self.shutter_times
         object.__setattr__(self, "_opening", UsdGeom.XformCache(opening))
         object.__setattr__(self, "_closing", UsdGeom.XformCache(closing))
+
+    @contextmanager
+    def going_on(self) -> Iterator[None]:
+        """Keeps an error of what is read inside for `refusals`, where errors are collected."""
+        try:
+            yield
+        except (FgfError, Tf.ErrorException) as error:
+            if self.refusals is None:
+                raise
+            self.refusals.append(error if isinstance(error, FgfError) else SceneError(str(error)))
 
     def note_missing(self, text: str, path: object) -> None:
         """Notes that something is not there, or refuses the stage where it is to be read strictly.
@@ -72,9 +86,27 @@ class StageContext:
         closing = self._matrix(self._closing, prim)
         return None if np.array_equal(closing, self.local_to_world(prim)) else closing
 
-    def _matrix(self, transforms: UsdGeom.XformCache, prim: Usd.Prim) -> np.ndarray:
+    def local_to_ancestor(self, prim: Usd.Prim, ancestor: Usd.Prim) -> tuple[np.ndarray, np.ndarray]:
+        """The same from a prim's space to that of a prim above it, when the shutter opens and when it closes.
+
+        Raises:
+            SceneError: as for `local_to_world`.
+        """
+        opening, closing = (self._matrix(cache, prim, ancestor) for cache in (self._opening, self._closing))
+        return opening, closing
+
+    @property
+    def shutter_times(self) -> tuple[Usd.TimeCode, Usd.TimeCode]:
+        """When the shutter opens and closes."""
+        return self.shutter or (self.time, self.time)
+
+    def _matrix(self, transforms: UsdGeom.XformCache, prim: Usd.Prim, ancestor: Usd.Prim | None = None) -> np.ndarray:
         try:
-            matrix = np.array(transforms.GetLocalToWorldTransform(prim)).T
+            if ancestor is None:
+                found = transforms.GetLocalToWorldTransform(prim)
+            else:
+                found, _ = transforms.ComputeRelativeTransform(prim, ancestor)
+            matrix = np.array(found).T
         except Tf.ErrorException as error:
             raise SceneError(f"{prim.GetPath()}.xformOpOrder: {error.args[0].commentary.strip()}") from None
         if not np.isfinite(matrix).all():

@@ -10,12 +10,14 @@ from pathlib import Path
 from pxr import Pcp, Tf, Usd
 
 from fgf_warp.errors import FgfError, SceneError
+from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.notes import Notes
 
 STAGE_ADDRESS = re.compile(r"\s*\([^()]* on stage @.*$", re.DOTALL)
 """USD ends warnings with the stage's address in memory, which differs from run to run."""
 PARSER_RULE = re.compile(r"parse error matching .* at (?=')")
 """USD may name the C++ type of the grammar rule that failed."""
+UNKNOWN_FORMAT = re.compile(r"asset @(?P<asset>[^@]*)@ .* -- Cannot determine file format")
 CYCLES = (Pcp.ErrorType_ArcCycle, Pcp.ErrorType_SublayerCycle)
 
 
@@ -62,13 +64,21 @@ def open_stage(path: Path) -> Usd.Stage:
         raise
 
 
-def refuse_composition_errors(stage: Usd.Stage) -> None:
+def refuse_composition_errors(context: StageContext) -> None:
     """Refuses a stage of which a reference, payload or layer is missing or goes round in a circle.
+
+    A reference to a file that this USD has no reader for, such as one of MaterialX, is left out with a warning.
 
     Raises:
         SceneError: naming the prim and the asset of the first such error.
     """
-    errors = stage.GetCompositionErrors()
+    errors = []
+    for error in context.stage.GetCompositionErrors():
+        if unknown := UNKNOWN_FORMAT.search(_on_one_line(str(error))):
+            name = Path(unknown["asset"]).name
+            context.note_missing(f"this USD cannot read {name}, and what it refers to is left out", error.rootSite.path)
+        else:
+            errors.append(error)
     if not errors:
         return
     # A circle is the cause of much else that USD then reports.
@@ -81,7 +91,9 @@ def refuse_composition_errors(stage: Usd.Stage) -> None:
 def note_warnings(trap: Tf.DiagnosticTrap, notes: Notes) -> None:
     """Hands on what USD warned of."""
     for warning in trap.GetWarnings():
-        notes.add(f"USD: {_on_one_line(STAGE_ADDRESS.sub('', warning.commentary))}")
+        text = _on_one_line(STAGE_ADDRESS.sub("", warning.commentary))
+        if not UNKNOWN_FORMAT.search(text):  # Of these `refuse_composition_errors` has told.
+            notes.add(f"USD: {text}")
 
 
 def _named(source: str, text: str) -> str:

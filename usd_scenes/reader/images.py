@@ -18,9 +18,6 @@ ColorSpace = Literal["auto", "raw", "sRGB"]
 COLOR_SPACES: tuple[ColorSpace, ...] = ("auto", "raw", "sRGB")
 WRAPS_OF_FILES: dict[str, Wrap] = {"black": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
 """OpenImageIO's names of wrap modes in the metadata of files."""
-STRAIGHT_ALPHA = oiio.ImageSpec()
-STRAIGHT_ALPHA.attribute("oiio:UnassociatedAlpha", 1)
-"""Leaves colors as files hold them, where OpenImageIO would multiply them by alpha."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +77,7 @@ def _read(path: str, color_space: ColorSpace) -> ImageFile:
 
 
 def _decoded(file: str, name: str, color_space: ColorSpace) -> ImageFile:
-    reader = oiio.ImageInput.open(file, STRAIGHT_ALPHA)
+    reader = oiio.ImageInput.open(file, _straight_alpha())
     if reader is None:
         raise SceneError(f"it is no picture that can be read: {_first_line(oiio.geterror())}")
     try:
@@ -93,9 +90,19 @@ def _decoded(file: str, name: str, color_space: ColorSpace) -> ImageFile:
     rgba = _rgba(pixels, 255 if is_8_bit else 1, spec.alpha_channel)
     if not is_8_bit and is_encoded:
         rgba[..., :3] = _decode_srgb(rgba[..., :3])
-    if not np.isfinite(rgba).all():
+    if not is_8_bit and not np.isfinite(rgba).all():
         raise SceneError("it holds pixels that are not finite")
     return ImageFile(Image(name, rgba, is_srgb=is_8_bit and is_encoded), is_encoded, _wraps(spec))
+
+
+def _straight_alpha() -> oiio.ImageSpec:
+    """Leaves colors as files hold them, where OpenImageIO would multiply them by alpha.
+
+    Made anew each time: one that outlived the interpreter would be told of as a leak.
+    """
+    spec = oiio.ImageSpec()
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    return spec
 
 
 def _pixels(reader: oiio.ImageInput, spec: oiio.ImageSpec, kind: oiio.BASETYPE) -> np.ndarray:

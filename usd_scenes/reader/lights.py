@@ -16,18 +16,18 @@ from fgf_warp.scene import (
     CylinderLight,
     DistantLight,
     DomeLight,
+    Image,
     Light,
-    MeshInstance,
     MeshLight,
     Rgb,
     Shaping,
     SphereLight,
     Vec3,
 )
-from usd_scenes.reader.attributes import is_authored, read_color, read_number
+from usd_scenes.reader.attributes import is_authored, read_color, read_number, read_token
 from usd_scenes.reader.context import StageContext
-from usd_scenes.reader.materials import Look
-from usd_scenes.reader.mesh import read_mesh
+from usd_scenes.reader.mesh import read_corners
+from usd_scenes.reader.textures import read_image
 
 DEFAULT_DOME = DomeLight(name="default dome", radiance=(1.0, 1.0, 1.0))
 """Lights a stage that has no light of its own."""
@@ -49,6 +49,10 @@ SCALE_TOLERANCE = 1e-4
 """Relative difference of the axes' scales, and cosine between axes, up to which they count as equal and square."""
 LATITUDE_FORMATS = ("automatic", "latlong")
 POLE_AXES = ("scene", "Y", "Z")
+IMAGE_AXES = ((0.0, -0.5, 0.5), (0.5, 0.0, 0.5))
+"""Of a rect whose half_u is y and half_v is x: s runs against x, since the image is seen from -z, and t along y."""
+MIRRORED_IMAGE_AXES = ((-0.5, 0.0, 0.5), (0.0, 0.5, 0.5))
+"""The same where half_u is x and half_v is y."""
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """Turns a dome whose pole is y until it is z: 90 degrees around x."""
 
@@ -74,23 +78,57 @@ def read_distant_light(prim: Usd.Prim, context: StageContext) -> DistantLight:
 def read_dome_light(prim: Usd.Prim, context: StageContext) -> DomeLight:
     """A DomeLight or a DomeLight_1; `normalize` does not apply to it.
 
-    The pole of a DomeLight is the local y axis, that of a DomeLight_1 as its poleAxis says.
+    The pole of its image is the local y axis of a DomeLight, and that which its poleAxis says of a DomeLight_1.
 
     Raises:
         SceneError: for a value out of its range.
     """
-    return DomeLight(name=str(prim.GetPath()), radiance=_emission(prim, context.time))
+    radiance = _emission(prim, context.time)
+    layout = prim.GetAttribute("inputs:texture:format").Get(context.time)
+    if layout not in LATITUDE_FORMATS:
+        text = f"an image of format {layout} is not supported, accepted: {', '.join(LATITUDE_FORMATS)}; it is left out"
+        context.notes.add(text, prim.GetPath())
+        return DomeLight(name=str(prim.GetPath()), radiance=radiance)
+    image = _image(prim, context)
+    if image is None:
+        return DomeLight(name=str(prim.GetPath()), radiance=radiance)
+    x, y, z = _turn(prim, context)
+    return DomeLight(
+        name=str(prim.GetPath()), radiance=radiance, image=image, light_to_world=(_vec3(x), _vec3(y), _vec3(z))
+    )
+
+
+def _turn(dome: Usd.Prim, context: StageContext) -> np.ndarray:
+    """(3, 3), the rotation, or reflection, nearest to the transform of a dome, from where its pole is y."""
+    to_world = context.local_to_world(dome)[:3, :3]
+    left, scales, right = np.linalg.svd(to_world)
+    if scales.min() == 0:
+        raise SceneError(f"{dome.GetPath()}: the transform leaves no volume; accepted: a scale that is not 0")
+    lengths = np.linalg.norm(to_world, axis=0)
+    if np.abs(to_world.T @ to_world / np.outer(lengths, lengths) - np.eye(3)).max() > SCALE_TOLERANCE:
+        context.notes.add("a dome does not shear: it is turned by the nearest rotation", dome.GetPath())
+    pole = read_token(dome.GetAttribute("poleAxis"), context.time, POLE_AXES) or "Y"
+    is_upright = (context.up_axis if pole == "scene" else pole) == "Z"
+    turn: np.ndarray = left @ right
+    return turn @ UPRIGHT if is_upright else turn
 
 
 def read_rect_light(prim: Usd.Prim, context: StageContext) -> AreaLight:
     """A RectLight, which emits along its local -z.
+
+    Seen from there, its image is upright and not mirrored.
 
     Raises:
         SceneError: for a value out of its range.
     """
     half_width = _positive(prim, "inputs:width", context.time) / 2
     half_height = _positive(prim, "inputs:height", context.time) / 2
-    return _area_light("rect", prim, half_width, half_height, context)
+    light = _area_light("rect", prim, half_width, half_height, context)
+    image = _image(prim, context)
+    if image is None:
+        return light
+    is_mirrored = np.linalg.det(context.local_to_world(prim)[:3, :3]) < 0
+    return replace(light, image=image, image_axes=MIRRORED_IMAGE_AXES if is_mirrored else IMAGE_AXES)
 
 
 def read_disk_light(prim: Usd.Prim, context: StageContext) -> AreaLight:
@@ -159,17 +197,14 @@ def read_mesh_light(prim: Usd.Prim, context: StageContext) -> MeshLight | None:
     if geometry is None:
         context.notes.add("a GeometryLight gives light where its geometry is one Mesh, and is left out", prim.GetPath())
         return None
-    shape = read_mesh(geometry, context, Look(surface=None, medium=None))
-    if shape is None:
+    corners = read_corners(geometry, context)
+    if not len(corners):
+        context.notes.add("mesh without faces gives no light", geometry.GetPath())
         return None
     _note_material(geometry, prim, context)
-    mesh = shape.mesh if isinstance(shape, MeshInstance) else shape
-    to_world = shape.object_to_world if isinstance(shape, MeshInstance) else np.eye(4)
-    triangles = mesh.triangles if np.linalg.det(to_world[:3, :3]) > 0 else mesh.triangles[:, ::-1]
-    points = mesh.points @ to_world[:3, :3].T + to_world[:3, 3]
     return MeshLight(
         name=str(prim.GetPath()),
-        corners=points[triangles].astype(np.float64),
+        corners=corners,
         radiance=_emission(prim, context.time),
         shaping=_read_shaping(prim, context, whole_angle=180.0),
     )
@@ -244,6 +279,16 @@ def _area_light(
         radiance=_emission(prim, context.time),
         shaping=_read_shaping(prim, context, whole_angle=90.0),
     )
+
+
+def _image(prim: Usd.Prim, context: StageContext) -> Image | None:
+    """The image that a light's radiance is multiplied by; None where it names none, or none that can be read."""
+    attribute = prim.GetAttribute("inputs:texture:file")
+    asset = attribute.Get(context.time)
+    if not asset or not asset.path:
+        return None
+    file = read_image(attribute, context)
+    return file.image if file else None
 
 
 def _size(light: Light) -> float:

@@ -16,7 +16,7 @@ Membership = Callable[[Sdf.Path], bool]
 
 
 def link_lights(
-    lights: Sequence[tuple[Usd.Prim, Light]], shapes: Sequence[Shape], context: StageContext
+    lights: Sequence[tuple[Usd.Prim, Light]], shapes: Sequence[tuple[Sdf.Path, Shape]], context: StageContext
 ) -> tuple[list[Light], list[Shape]]:
     """Gives lights that are linked to some of the shapes their numbers, and those shapes the bits.
 
@@ -24,28 +24,28 @@ def link_lights(
 
     Args:
         lights: each with its prim.
-        shapes: named by the paths of their prims.
+        shapes: each with the path that collections name it by.
         context: the stage.
 
     Raises:
         UnsupportedFeatureError: for more different sets of shapes than there are bits.
     """
-    names = [Sdf.Path(shape.name) for shape in shapes]
-    light_sets, shadow_sets = _Sets("light", names), _Sets("shadow", names)
+    paths = [path for path, _ in shapes]
+    light_sets, shadow_sets = _Sets("light", paths), _Sets("shadow", paths)
     linked = [
         replace(
             light,
-            link=light_sets.number(_light_link(prim, context)),
-            shadow_link=shadow_sets.number(_shadow_link(prim, context)),
+            link=light_sets.number(_light_link(prim, paths, context)),
+            shadow_link=shadow_sets.number(_shadow_link(prim, paths, context)),
         )
         for prim, light in lights
     ]
     if not (light_sets.count or shadow_sets.count):
-        return linked, list(shapes)
+        return linked, [shape for _, shape in shapes]
     bits = zip(light_sets.bits(), shadow_sets.bits(), strict=True)
     return linked, [
         replace(shape, light_links=light, shadow_links=shadow)
-        for shape, (light, shadow) in zip(shapes, bits, strict=True)
+        for (_, shape), (light, shadow) in zip(shapes, bits, strict=True)
     ]
 
 
@@ -54,12 +54,12 @@ class _Sets:
 
     Args:
         kind: for messages.
-        names: of the shapes.
+        paths: of the shapes.
     """
 
-    def __init__(self, kind: str, names: Sequence[Sdf.Path]) -> None:
+    def __init__(self, kind: str, paths: Sequence[Sdf.Path]) -> None:
         self._kind = kind
-        self._names = names
+        self._paths = paths
         self._numbers: dict[bytes, int] = {}
 
     @property
@@ -70,7 +70,7 @@ class _Sets:
         """Of the set of those that are members; None of the set of all."""
         if is_member is None:
             return None
-        members = np.array([is_member(name) for name in self._names], dtype=bool)
+        members = np.array([is_member(path) for path in self._paths], dtype=bool)
         if members.size and members.all():
             return None
         number = self._numbers.setdefault(members.tobytes(), len(self._numbers))
@@ -83,29 +83,25 @@ class _Sets:
 
     def bits(self) -> list[int]:
         """Of each shape: bit k is set where it is in the set of number k."""
-        bits = [0] * len(self._names)
+        bits = [0] * len(self._paths)
         for members, number in self._numbers.items():
             for shape in np.flatnonzero(np.frombuffer(members, dtype=bool)):
                 bits[shape] |= 1 << number
         return bits
 
 
-def _light_link(prim: Usd.Prim, context: StageContext) -> Membership | None:
-    return _membership(UsdLux.LightAPI(prim).GetLightLinkCollectionAPI(), context)
+def _light_link(prim: Usd.Prim, paths: Sequence[Sdf.Path], context: StageContext) -> Membership | None:
+    return _membership(UsdLux.LightAPI(prim).GetLightLinkCollectionAPI(), paths, context)
 
 
-def _shadow_link(prim: Usd.Prim, context: StageContext) -> Membership | None:
-    if casts_no_shadows(prim, context):
+def _shadow_link(prim: Usd.Prim, paths: Sequence[Sdf.Path], context: StageContext) -> Membership | None:
+    shadow = UsdLux.ShadowAPI(prim)
+    if prim.HasAPI(UsdLux.ShadowAPI) and shadow.GetShadowEnableAttr().Get(context.time) is False:
         return lambda path: False
-    return _membership(UsdLux.LightAPI(prim).GetShadowLinkCollectionAPI(), context)
+    return _membership(UsdLux.LightAPI(prim).GetShadowLinkCollectionAPI(), paths, context)
 
 
-def casts_no_shadows(prim: Usd.Prim, context: StageContext) -> bool:
-    """True where UsdLux.ShadowAPI turns a light's shadows off."""
-    return prim.HasAPI(UsdLux.ShadowAPI) and UsdLux.ShadowAPI(prim).GetShadowEnableAttr().Get(context.time) is False
-
-
-def _membership(collection: Usd.CollectionAPI, context: StageContext) -> Membership | None:
+def _membership(collection: Usd.CollectionAPI, paths: Sequence[Sdf.Path], context: StageContext) -> Membership | None:
     """Tests whether a path is in the collection; None where it is the whole stage."""
     includes, excludes = collection.GetIncludesRel().GetTargets(), collection.GetExcludesRel().GetTargets()
     expression = collection.GetMembershipExpressionAttr()
@@ -114,7 +110,6 @@ def _membership(collection: Usd.CollectionAPI, context: StageContext) -> Members
         return None
     stage = context.stage
     for path in (*includes, *excludes):
-        if UsdGeom.Subset(stage.GetPrimAtPath(path)):
-            context.notes.add("a light cannot be linked to a part of a mesh", path)
-    query = collection.ComputeMembershipQuery()
-    return query.IsPathIncluded
+        if UsdGeom.Subset(stage.GetPrimAtPath(path)) and path not in paths:
+            context.notes.add("a light cannot be linked to a part of a mesh that has no material of its own", path)
+    return collection.ComputeMembershipQuery().IsPathIncluded

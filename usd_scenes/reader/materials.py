@@ -75,9 +75,12 @@ class MaterialReader:
         return Look(surface=reading.surface or display_surface(prim, self._context), medium=reading.medium)
 
     def _bound_material(self, prim: Usd.Prim) -> UsdShade.Material | None:
-        material, binding = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(UsdShade.Tokens.full)
+        bindings = UsdShade.MaterialBindingAPI(prim)
+        material, binding = bindings.ComputeBoundMaterial(UsdShade.Tokens.full)
         if not material and binding:
             self._context.note_missing("bound to something that is no Material", binding.GetPath())
+        elif not material and bindings.ComputeBoundMaterial(UsdShade.Tokens.preview)[0]:
+            self._context.notes.add("bound for previews only: the display color is used", prim.GetPath())
         return material or None
 
     def _reading_of(self, material: UsdShade.Material) -> _Reading:

@@ -45,13 +45,44 @@ def read_medium(material: Usd.Prim, context: StageContext) -> Medium:
     Raises:
         SceneError: for an unknown fgf attribute, or a value out of its range.
     """
-    _refuse_unknown_attributes(material)
+    values, problems = _read_values(material, context)
+    if problems:
+        raise problems[0]
+    return _build(material, values)
+
+
+def medium_problems(material: Usd.Prim, context: StageContext) -> list[SceneError]:
+    """All that is wrong with a medium, of which `read_medium` raises the first; one error per attribute."""
+    values, problems = _read_values(material, context)
+    while True:
+        try:
+            _build(material, values)
+            return problems
+        except SceneError as error:
+            problems.append(error)
+            field = _blamed_field(str(material.GetPath()), str(error.__cause__))
+            # Without the value that is wrong, the next one is seen.
+            if values.pop(field, None) is None:
+                return problems
+            values.setdefault("mean_extinction", 1.0)
+
+
+def _read_values(material: Usd.Prim, context: StageContext) -> tuple[dict[str, Any], list[SceneError]]:
+    """The fields of `Medium` that can be read, and what is wrong with the others."""
     values: dict[str, Any] = {}
+    problems = _unknown_attributes(material)
     for field, name in schema.MEDIUM_ATTRIBUTES.items():
         attribute = material.GetAttribute(name)
         if field in ONLY_WHERE_AUTHORED and not is_authored(attribute):
             continue
-        values[field] = _read_field(field, _source(attribute, context), context.time)
+        try:
+            values[field] = _read_field(field, _source(attribute, context), context.time)
+        except SceneError as error:
+            problems.append(error)
+    return {"mean_extinction": 1.0, **values}, problems
+
+
+def _build(material: Usd.Prim, values: dict[str, Any]) -> Medium:
     path = str(material.GetPath())
     try:
         return Medium(name=path, **values)
@@ -89,19 +120,32 @@ def _source(attribute: Usd.Attribute, context: StageContext) -> Usd.Attribute:
     return source
 
 
-def _refuse_unknown_attributes(material: Usd.Prim) -> None:
+def _unknown_attributes(material: Usd.Prim) -> list[SceneError]:
     known = {*schema.MEDIUM_ATTRIBUTES.values(), schema.BOUNDARY_ATTRIBUTE}
     authored = material.GetPropertiesInNamespace("inputs:fgf") + material.GetPropertiesInNamespace("fgf")
-    for attribute in authored:
-        if (name := attribute.GetName()) not in known:
-            nearest = difflib.get_close_matches(name, known, n=1)
-            meant = f", maybe {nearest[0]} is meant" if nearest else ""
-            raise SceneError(f"{attribute.GetPath()} is unknown{meant}; accepted: {', '.join(sorted(known))}")
+    return [
+        SceneError(
+            f"{attribute.GetPath()} is unknown{_suggestion(attribute.GetName(), known)}; "
+            f"accepted: {', '.join(sorted(known))}"
+        )
+        for attribute in authored
+        if attribute.GetName() not in known
+    ]
+
+
+def _suggestion(name: str, known: set[str]) -> str:
+    by_last_word = {accepted.rpartition(":")[2]: accepted for accepted in known}
+    nearest = difflib.get_close_matches(name.rpartition(":")[2], by_last_word, n=1)
+    return f", maybe {by_last_word[nearest[0]]} is meant" if nearest else ""
 
 
 def _with_attribute(path: str, message: str) -> str:
     """The message of `Medium` with the attribute that it is about behind the prim path."""
-    text = message.removeprefix(f"{path}: ")
-    symbol = text.split()[0]
-    attribute = schema.MEDIUM_ATTRIBUTES.get(SYMBOLS.get(symbol, symbol))
-    return f"{path}.{attribute}: {text}" if attribute else message
+    attribute = schema.MEDIUM_ATTRIBUTES.get(_blamed_field(path, message))
+    return f"{path}.{attribute}: {message.removeprefix(f'{path}: ')}" if attribute else message
+
+
+def _blamed_field(path: str, message: str) -> str:
+    """The field that a message of `Medium` begins with."""
+    symbol = message.removeprefix(f"{path}: ").split()[0]
+    return SYMBOLS.get(symbol, symbol)

@@ -14,7 +14,13 @@ from usd_scenes.reader import uv_texture
 from usd_scenes.reader.attributes import read_color, read_number, read_token
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.shading_network import Output, ignore, own_attribute, primvar_name, source_of, value_of
-from usd_scenes.reader.uv_texture import missing_colors, read_fallback, read_normal_map, read_texture_input
+from usd_scenes.reader.uv_texture import (
+    constant_alpha,
+    missing_colors,
+    read_fallback,
+    read_normal_map,
+    read_texture_input,
+)
 
 T = TypeVar("T", float, Rgb)
 
@@ -86,7 +92,10 @@ def _number(shader: UsdShade.Shader, name: str, default: float, context: StageCo
         return read(source, default)
     if source.kind == uv_texture.KIND and source.name in uv_texture.CHANNELS:
         texture, fallback = read_texture_input(source, context), read_fallback(source, context)
-        return texture or (fallback[0] if fallback else read(own_attribute(shader, name), default))
+        if texture:
+            alpha = constant_alpha(texture)
+            return alpha if alpha is not None and UNIT.holds(alpha) else texture
+        return fallback[0] if fallback else read(own_attribute(shader, name), default)
     return _primvar(source, NUMBER_READERS, read, 0.0, context) or read(ignore(source, shader, name, context), default)
 
 

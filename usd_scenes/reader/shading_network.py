@@ -30,16 +30,24 @@ class Output:
 def source_of(shader: UsdShade.Shader, name: str, context: StageContext) -> Usd.Attribute | Output:
     """What gives an input its value: an attribute, undefined where there is no such input, or a shader's output.
 
-    A connection that leads to no value is named in a warning, and the input's own attribute is taken.
+    An input that is connected to another without a value has its own. So has one whose connection leads nowhere,
+    which is named in a warning.
+
+    Raises:
+        SceneError: in place of the warning, where the stage is read strictly.
     """
     attribute = own_attribute(shader, name)
     if not attribute or not attribute.HasAuthoredConnections():
         return attribute
     sources = UsdShade.Utils.GetValueProducingAttributes(UsdShade.Input(attribute))
-    if len(sources) != 1 or sources[0] == attribute:
-        context.notes.add("connected to nothing that has a value: its own is used", attribute.GetPath())
+    if not sources or sources[0] == attribute:
+        targets = [attribute.GetStage().GetAttributeAtPath(path) for path in attribute.GetConnections()]
+        if not all(target and UsdShade.Input.IsInput(target) for target in targets):
+            context.note_missing("connected to nothing: the input's own value is used", attribute.GetPath())
         return attribute
-    (source,) = sources
+    source = sources[0]
+    if len(sources) > 1:
+        context.notes.add("connected to several: the first is used", attribute.GetPath())
     if UsdShade.Output.IsOutput(source):
         return Output(UsdShade.Shader(source.GetPrim()), UsdShade.Output(source).GetBaseName())
     return source

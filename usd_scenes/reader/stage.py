@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,8 +11,8 @@ from typing import Literal
 
 from pxr import Tf, Usd, UsdGeom, UsdShade, UsdSkel
 
-from fgf_warp.errors import SceneError
-from fgf_warp.scene import Light, Scene, Shape
+from fgf_warp.errors import FgfError, SceneError
+from fgf_warp.scene import Camera, Light, Medium, Scene, Shape
 from usd_scenes import schema
 from usd_scenes.reader.camera import as_asked, choose_camera, default_camera, read_camera, read_shutter
 from usd_scenes.reader.context import StageContext
@@ -22,19 +22,19 @@ from usd_scenes.reader.diagnostics import (
     refuse_composition_errors,
     usd_errors_as_scene_errors,
 )
-from usd_scenes.reader.geometry import SOLID_READERS
 from usd_scenes.reader.lights import DEFAULT_DOME, emitting_meshes, is_light, read_light
 from usd_scenes.reader.links import link_lights
 from usd_scenes.reader.materials import MaterialReader
-from usd_scenes.reader.mesh import read_mesh
-from usd_scenes.reader.settings import Product, read_settings
+from usd_scenes.reader.settings import Product, StageSettings, read_settings
+from usd_scenes.reader.shapes import ShapeReader
+from usd_scenes.reader.traversal import walk
 
 PURPOSES = ("default", "render", "proxy", "guide")
-DEFAULT_PURPOSES = ("default", "render")
+DEFAULT_PURPOSES = frozenset({"default", "render"})
 COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 """As usdrecord names them: each subdivides once more than the one before, ``low`` not at all."""
 UP_AXES = ("Y", "Z")
-CONTAINERS = ("SkelRoot",)
+CONTAINERS = ("SkelRoot", "PointInstancer")
 """Boundable prims that draw nothing of their own."""
 
 
@@ -71,6 +71,25 @@ class _Choices:
     strict: bool
     render_settings: str | None
     product: str | None
+
+
+@dataclass(frozen=True)
+class StageSurvey:
+    """What of a stage can be read, whatever is refused.
+
+    Args:
+        shapes: those that are accepted.
+        media: that they are filled with.
+        lights: those that are accepted, or the default dome.
+        camera: the one that is taken where none is asked for, or None where it is refused.
+        refusals: for what reading would stop.
+    """
+
+    shapes: tuple[Shape, ...]
+    media: tuple[Medium, ...]
+    lights: tuple[Light, ...]
+    camera: Camera | None
+    refusals: tuple[FgfError, ...]
 
 
 def read_scene(
@@ -156,22 +175,49 @@ def stages_kept_open() -> Iterator[None]:
         yield
 
 
+def survey_stage(stage: Usd.Stage) -> StageSurvey:
+    """Reads what of an open stage can be read, and collects what is refused."""
+    schema.register()
+    refusals: list[FgfError] = []
+    context = stage_context(stage, refusals=refusals)
+    materials = MaterialReader(context)
+    settings, camera = StageSettings(), None
+    shapes, lights = _read_prims(context, materials)
+    with context.going_on():
+        _meters_per_unit(stage)
+    with context.going_on():
+        settings = read_settings(context)
+    with context.going_on():
+        prim = choose_camera(context, None, settings.product(None).camera)
+        camera = read_camera(prim, context) if prim else default_camera(shapes, context.up_axis)
+        if prim:
+            read_shutter(prim, context)
+        Scene(camera=camera, shapes=tuple(shapes), media=materials.media)
+    return StageSurvey(tuple(shapes), materials.media, tuple(lights) or (DEFAULT_DOME,), camera, tuple(refusals))
+
+
+def stage_context(stage: Usd.Stage, refusals: list[FgfError] | None = None) -> StageContext:
+    """What `read_stage` reads a stage in where nothing is asked for."""
+    return StageContext(stage=stage, time=_time_code(stage, None), purposes=DEFAULT_PURPOSES, refusals=refusals)
+
+
 def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticTrap) -> StageReading:
-    refuse_composition_errors(stage)
     context = StageContext(
         stage=stage,
         time=_time_code(stage, choices.frame),
-        purposes=frozenset(DEFAULT_PURPOSES),
+        purposes=DEFAULT_PURPOSES,
         refinement=_refinement(choices.complexity),
         strict=choices.strict,
     )
+    refuse_composition_errors(context)
     _note_up_axis(context)
     settings = read_settings(context, choices.render_settings)
     product = settings.product(choices.product)
     camera_prim = choose_camera(context, choices.camera, product.camera)
+    purposes = next(asked for asked in (choices.purposes, settings.purposes, DEFAULT_PURPOSES) if asked is not None)
     context = replace(
         context,
-        purposes=_checked(choices.purposes or settings.purposes or DEFAULT_PURPOSES),
+        purposes=_checked(purposes),
         shutter=read_shutter(camera_prim, context) if camera_prim and product.has_motion_blur else None,
     )
     materials = MaterialReader(context)
@@ -197,41 +243,28 @@ def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticT
 
 
 def _read_prims(context: StageContext, materials: MaterialReader) -> tuple[list[Shape], list[Light]]:
-    shapes: list[Shape | None] = []
+    shapes = ShapeReader(context, materials)
     lights: list[tuple[Usd.Prim, Light]] = []
-    prims = list(_visible_prims(context))
-    emitting = emitting_meshes(prims)
-    for prim in prims:
-        _note_misplaced(prim, context)
-        if is_light(prim) and (not prim.IsA(UsdGeom.Gprim) or _has_purpose(prim, context)):
-            light = read_light(prim, context)
-            lights.extend([(prim, light)] if light else [])
-        if prim.GetTypeName() in SOLID_READERS and _has_purpose(prim, context):
-            shapes.append(SOLID_READERS[prim.GetTypeName()](prim, context, materials.look_of(prim)))
-        elif prim.IsA(UsdGeom.Mesh):
-            if _has_purpose(prim, context) and not is_light(prim) and prim.GetPath() not in emitting:
-                shapes.append(read_mesh(prim, context, materials.look_of(prim)))
-        elif _is_unsupported(prim) and _has_purpose(prim, context):
-            context.notes.add(f"{prim.GetTypeName()} is not supported and is left out", prim.GetPath())
-    linked_lights, linked_shapes = link_lights(lights, [shape for shape in shapes if shape], context)
+    found = list(walk(context))
+    emitting = emitting_meshes(met.prim for met in found if not met.copies)
+    for met in found:
+        with context.going_on():
+            prim = met.prim
+            _note_misplaced(prim, context)
+            if is_light(prim):
+                if met.copies:
+                    context.notes.add("a light that is part of an instancer gives no light", prim.GetPath())
+                elif met.has_purpose or not prim.IsA(UsdGeom.Gprim):
+                    light = read_light(prim, context)
+                    lights.extend([(prim, light)] if light else [])
+            emits = prim.GetPath() in emitting or (is_light(prim) and prim.IsA(UsdGeom.Mesh))
+            if met.has_purpose and not emits and not shapes.read(met) and _is_unsupported(prim):
+                context.notes.add(f"{prim.GetTypeName()} is not supported and is left out", prim.GetPath())
+    placed = shapes.shapes()
+    linked_lights, linked_shapes = [light for _, light in lights], [shape for _, shape in placed]
+    with context.going_on():
+        linked_lights, linked_shapes = link_lights(lights, placed, context)
     return linked_shapes, linked_lights
-
-
-def _visible_prims(context: StageContext) -> Iterator[Usd.Prim]:
-    prims = iter(Usd.PrimRange.Stage(context.stage, Usd.TraverseInstanceProxies()))
-    for prim in prims:
-        imageable = UsdGeom.Imageable(prim)
-        if imageable and imageable.GetVisibilityAttr().Get(context.time) == UsdGeom.Tokens.invisible:
-            prims.PruneChildren()
-            continue
-        if prim.IsA(UsdGeom.PointInstancer):  # Its prototypes are not geometry by themselves.
-            prims.PruneChildren()
-        yield prim
-
-
-def _has_purpose(prim: Usd.Prim, context: StageContext) -> bool:
-    imageable = UsdGeom.Imageable(prim)
-    return not imageable or imageable.ComputePurpose() in context.purposes
 
 
 def _is_unsupported(prim: Usd.Prim) -> bool:
@@ -285,7 +318,7 @@ def _refinement(complexity: str) -> int:
     return COMPLEXITIES.index(complexity)
 
 
-def _checked(purposes: Sequence[str]) -> frozenset[str]:
+def _checked(purposes: Collection[str]) -> frozenset[str]:
     unknown = sorted(set(purposes) - set(PURPOSES))
     if unknown:
         raise SceneError(f"purposes = {', '.join(unknown)}; accepted: {', '.join(PURPOSES)}")

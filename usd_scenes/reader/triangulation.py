@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 
-def triangulate(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
+def cut_faces(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
     """Splits polygons into triangles of the same orientation.
 
     A face is cut into a fan from its first corner, else from its second, which covers all convex faces and all
@@ -14,22 +14,25 @@ def triangulate(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> 
     Args:
         points: (n, 3) float.
         counts: (f,) int, corners of each face; faces with fewer than three are dropped.
-        indices: (sum(counts),) int, the corners of all faces.
+        indices: (sum(counts),) int, the points at the corners of all faces.
 
     Returns:
-        (m, 3) int32, grouped by the number of corners.
+        (m, 3) int64, places in `indices`, grouped by the number of corners.
     """
     starts = np.cumsum(counts) - counts
-    found = [np.empty((0, 3), dtype=np.int32)]
+    found = [np.empty((0, 3), dtype=np.int64)]
     for count in np.unique(counts[counts >= 3]):
-        faces = indices[starts[counts == count, None] + np.arange(count)]
+        faces = starts[counts == count, None] + np.arange(count)
+        if count == 3:
+            found.append(faces)
+            continue
         for first_corner in (0, 1):
             fan_faces = np.roll(faces, -first_corner, axis=1)
-            covered = _fan_covers(points[fan_faces])
+            covered = _fan_covers(points[indices[fan_faces]])
             found.append(_fan(fan_faces[covered]))
             faces = faces[~covered]
-        found.extend(_cut_ears(points, face) for face in faces)
-    return np.concatenate(found).astype(np.int32)
+        found.extend(face[_cut_ears(points[indices[face]])] for face in faces)
+    return np.concatenate(found)
 
 
 def signed_volume(points: np.ndarray, triangles: np.ndarray) -> float:
@@ -48,24 +51,23 @@ def _fan_covers(corners: np.ndarray) -> np.ndarray:
     """(f,) bool for (f, k, 3) corners: no triangle of the fan is turned over against the face."""
     from_first = corners[:, 1:] - corners[:, :1]
     doubled_areas = np.cross(from_first[:, :-1], from_first[:, 1:])
-    normal = doubled_areas.sum(axis=1, keepdims=True)
-    return ((doubled_areas * normal).sum(axis=2) >= 0).all(axis=1)
+    normal = doubled_areas.sum(axis=1)
+    return (np.einsum("fki,fi->fk", doubled_areas, normal) >= 0).all(axis=1)
 
 
-def _cut_ears(points: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """(k - 2, 3) triangles of one concave face of k corners."""
-    corners = points[face]
+def _cut_ears(corners: np.ndarray) -> np.ndarray:
+    """(k - 2, 3) triangles of one concave face, (k, 3)."""
     normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
     drop = int(np.argmax(np.abs(normal)))
     flat = corners[:, [(drop + 1) % 3, (drop + 2) % 3]]
     if normal[drop] < 0:  # Seen from behind the face runs clockwise: mirror it.
         flat[:, 0] *= -1
-    left, triangles = list(range(len(face))), []
+    left, triangles = list(range(len(corners))), []
     while len(left) > 3:
         at = next((at for at in range(len(left)) if _is_ear(flat, left, at)), 0)
         triangles.append((left[at - 1], left[at], left[(at + 1) % len(left)]))
         del left[at]
-    return face[np.array([*triangles, tuple(left)])]
+    return np.array([*triangles, tuple(left)])
 
 
 def _is_ear(flat: np.ndarray, left: list[int], at: int) -> bool:

@@ -1,18 +1,22 @@
 """FgfMediumAPI, the applied schema that makes a Material a fractional Gaussian field medium.
 
 `schema.usda` is the source; `generatedSchema.usda` and `plugInfo.json` are made from it by
-``python -m pxr.Usd.usdGenSchema schema.usda .`` in this folder, and are what USD reads.
+``python -m pxr.Usd.usdGenSchema schema.usda .`` in this folder, and are what USD reads. `shaderDefs.usda` says what the
+Shader of the same name takes.
 """
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
-from pxr import Plug, Usd
+from pxr import Plug, Sdr, Usd, UsdShade
 
 from fgf_warp.errors import SceneError
 
 SCHEMA_NAME = "FgfMediumAPI"
+SHADER_NAME = "FgfMedium"
+"""Of the Shader that stands for a medium in networks."""
 FOLDER = Path(__file__).parent
 
 MEDIUM_ATTRIBUTES: dict[str, str] = {
@@ -55,3 +59,13 @@ def register() -> None:
             f"USD does not know {SCHEMA_NAME}: a stage was opened before usd_scenes was imported; import usd_scenes "
             f"first, or set PXR_PLUGINPATH_NAME to {FOLDER}"
         )
+
+
+@cache
+def register_shader() -> None:
+    """Makes the Shader FgfMedium known to USD's registry of shaders, which validators look into."""
+    path = str(FOLDER / "shaderDefs.usda")
+    stage = Usd.Stage.Open(path)
+    shader = UsdShade.Shader.Get(stage, f"/{SHADER_NAME}")
+    for result in UsdShade.ShaderDefUtils.GetDiscoveryResults(shader, path):
+        Sdr.Registry().AddDiscoveryResult(result)

@@ -1,0 +1,180 @@
+"""Instances against the same triangles in world space, watertight in any space, in motion, and in little memory."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fgf_warp.scene import Mesh, MeshInstance, Surface, encloses
+from tests.contracts.device_kernels import RICH, hit_meshes
+from tests.contracts.test_bvh import directions, knot
+from tests.scenes import transform
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def affine(rng, *, mirrored=False, shear=0.0, at=2.0):
+    """A rotation of a stretch of a shear, somewhere."""
+    turned = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    turned *= np.sign(np.linalg.det(turned)) * (-1 if mirrored else 1)
+    matrix = np.eye(4)
+    matrix[:3, :3] = turned @ np.diag(rng.uniform(0.3, 2.0, size=3)) @ (np.eye(3) + shear * rng.normal(size=(3, 3)))
+    matrix[:3, 3] = rng.uniform(-at, at, size=3)
+    return matrix
+
+
+def in_world(instance: MeshInstance) -> Mesh:
+    """The same triangles without an instance; a mirror turns them, so that their fronts stay where they are."""
+    matrix = instance.object_to_world
+    triangles = instance.mesh.triangles
+    if np.linalg.det(matrix[:3, :3]) < 0:
+        triangles = triangles[:, [0, 2, 1]]
+    points = instance.mesh.points @ matrix[:3, :3].T + matrix[:3, 3]
+    return replace(instance.mesh, points=points, triangles=triangles)
+
+
+def soup(seed, count=100, **of_mesh):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(count, 1, 3)) + 0.3 * rng.normal(size=(count, 3, 3))
+    return Mesh(f"/soup{seed}", points.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), **of_mesh)
+
+
+def test_instances_are_what_their_meshes_are_in_world_space():
+    """Turned, stretched, sheared, mirrored and nested ones, of two meshes, beside a mesh in world space."""
+    rng = np.random.default_rng(1)
+    meshes = [soup(1, surface=Surface()), soup(2, count=16, surface=Surface())]
+    group = affine(rng, mirrored=True)
+    matrices = [affine(rng, mirrored=k % 4 > 1, shear=0.3 * (k % 3), at=4) for k in range(40)]
+    matrices += [group @ matrix for matrix in matrices[:5]]
+    instances = [MeshInstance(f"/{k}", meshes[k % 2], matrix) for k, matrix in enumerate(matrices)]
+    ground = soup(3, surface=Surface())
+    origin, direction = rng.uniform(-6, 6, size=(20_000, 3)).astype(np.float32), directions(20_000, 2)
+    direction[:60] = np.tile(np.concatenate([np.eye(3), -np.eye(3)]), (10, 1))
+    found = hit_meshes([ground, *instances], origin, direction, kept=RICH)
+    expected = hit_meshes([ground, *map(in_world, instances)], origin, direction, kept=RICH)
+    met = found.t >= 0
+    assert met.sum() > 5000
+    assert np.bincount(found.item[met], minlength=46).min() > 5
+    same = (found.item == expected.item) & (found.face == expected.face) & met
+    assert np.mean(same == met) > 0.9995
+    assert np.allclose(found.t[same], expected.t[same], rtol=1e-4, atol=1e-5)
+    steep = same & (np.abs((found.normal * direction).sum(axis=1)) > 0.05)
+    assert np.abs(found.normal - expected.normal)[steep].max() < 1e-3
+    is_mirrored = np.array([False, *(np.linalg.det(m[:3, :3]) < 0 for m in matrices)])[found.item]
+    u, v = np.where(is_mirrored, (found.v, found.u), (found.u, found.v))
+    assert np.abs(np.array([u - expected.u, v - expected.v]))[:, steep].max() < 1e-3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_ray_leaves_a_closed_instance_unseen(seed):
+    """Half a million rays from inside at corners and edges of triangles, mirrored and sheared for odd seeds."""
+    n = 250_000
+    rng = np.random.default_rng(seed)
+    matrix = affine(rng, mirrored=seed % 2 == 1, shear=0.4 * (seed % 2), at=20)
+    mesh = knot(14, 112, medium=0)
+    instance = MeshInstance("/instance", mesh, matrix)
+    target = mesh.points[mesh.triangles][rng.integers(len(mesh.triangles), size=500)]
+    on_edge = rng.random((500, 1))
+    # The tube's spine runs through the middle of each ring of 14 corners.
+    spine = mesh.points.reshape(112, 14, 3).mean(axis=1)
+    for points in (target[:, 0], target[:, 0] * on_edge + target[:, 1] * (1 - on_edge)):
+        nearest = spine[np.argmin(((points[:, None] - spine) ** 2).sum(-1), axis=1)]
+        origin = np.repeat(nearest, n // 500, axis=0)
+        towards = np.repeat(points, n // 500, axis=0) - origin
+        origin = origin + towards * rng.uniform(0, 0.5, size=(n, 1))
+        origin, towards = origin @ matrix[:3, :3].T + matrix[:3, 3], towards @ matrix[:3, :3].T
+        direction = towards / np.linalg.norm(towards, axis=1, keepdims=True)
+        assert (hit_meshes([instance], origin, direction, kept=RICH, inside=1).t < 0).sum() == 0
+
+
+@pytest.mark.parametrize("inside", [0, 1])
+def test_a_face_of_an_instance_just_behind_the_origin_is_met(inside):
+    """The ray should have crossed it, and was rounded behind it: in world space, far from the world's origin."""
+    rng = np.random.default_rng(3)
+    square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    sheet = Mesh("/sheet", square, np.array([[0, 1, 2], [0, 2, 3]]))
+    object.__setattr__(sheet, "medium", 0)
+    matrix = affine(rng, mirrored=True, shear=0.3, at=30)
+    normal = np.linalg.inv(matrix[:3, :3]).T @ [0, 0, 1]
+    normal /= np.linalg.norm(normal)
+    outwards = normal * (1 if inside else -1)
+    within = np.append(rng.uniform(-0.95, 0.95, size=(20_000, 2)), np.zeros((20_000, 1)), axis=1)
+    origin = within @ matrix[:3, :3].T + matrix[:3, 3]
+    # Coordinates are some 30 here, and float32 rounds them by 2e-6.
+    origin += outwards * rng.uniform(0, 2e-5, size=(20_000, 1))
+    direction = directions(20_000, 10)
+    cosine = direction @ outwards
+    direction = direction * np.sign(cosine)[:, None] + outwards * 0.05
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    hits = hit_meshes([MeshInstance("/instance", sheet, matrix)], origin, direction, kept=RICH, inside=inside)
+    assert np.all((hits.t >= 0) & (hits.t < 1e-3))
+
+
+def test_an_instance_moves_along_lines():
+    rng = np.random.default_rng(5)
+    mesh = soup(1, surface=Surface())
+    opening, closing = affine(rng), affine(rng, shear=0.2)
+    resting = MeshInstance("/rests", mesh, affine(rng, at=4))
+    moving = MeshInstance("/moves", mesh, opening, closing)
+    origin, direction = rng.uniform(-6, 6, size=(20_000, 3)).astype(np.float32), directions(20_000, 2)
+    for time in (0.0, 0.25, 0.9):
+        found = hit_meshes([resting, moving], origin, direction, kept=RICH, time=time)
+        there = MeshInstance("/there", mesh, (1 - time) * opening + time * closing)
+        expected = hit_meshes([resting, there], origin, direction, kept=RICH)
+        met = found.t >= 0
+        assert (found.item[met] == 1).sum() > 100
+        assert np.mean(met == (expected.t >= 0)) > 0.999
+        both = met & (found.item == expected.item) & (found.face == expected.face)
+        assert both.sum() > 0.999 * met.sum()
+        assert np.allclose(found.t[both], expected.t[both], rtol=1e-4, atol=1e-5)
+
+
+def test_what_casts_no_shadow_does_not_block():
+    mesh = Mesh("/near", np.array([[-1, -1, 1.0], [1, -1, 1], [0, 1, 1]]), np.array([[0, 1, 2]]), Surface())
+    behind = MeshInstance("/behind", mesh, transform(at=(0, 0, -1)), shadow_links=0b10)
+    shapes = [replace(mesh, shadow_links=0b01), behind]
+    ray = [[0, 0, 3.0]], [[0, 0, -1.0]]
+    met = [hit_meshes(shapes, *ray, kept=RICH, casters=casters).t[0] for casters in (0, 0b01, 0b10, 0b100)]
+    assert met == pytest.approx([2, 2, 3, -1])
+
+
+def test_a_point_is_in_an_instance_where_it_is_in_its_mesh():
+    mesh = knot(14, 112, medium=0)
+    matrix = affine(np.random.default_rng(7), mirrored=True, shear=0.2)
+    instance = MeshInstance("/instance", mesh, matrix)
+    spine = mesh.points.reshape(112, 14, 3).mean(axis=1)[5]
+    assert encloses(instance, matrix[:3, :3] @ spine + matrix[:3, 3])
+    assert not encloses(instance, matrix[:3, :3] @ [0, 0, 0.9] + matrix[:3, 3])
+
+
+MEASURE = """
+import resource, sys, time
+import numpy as np
+from fgf_warp.scene import MeshInstance, Surface
+from fgf_warp.settings import RenderSettings
+from fgf_warp.upload import upload
+from tests.contracts.test_bvh import knot
+from tests.scenes import furnace, transform
+from dataclasses import replace
+
+mesh = knot(5, 100, surface=Surface())
+assert len(mesh.triangles) == 1000
+shapes = tuple(MeshInstance(f"/{k}", mesh, transform(at=(k % 100, k // 100, 0))) for k in range(int(sys.argv[1])))
+scene = replace(furnace(), shapes=shapes)
+begun = time.perf_counter()
+uploaded = upload(scene, RenderSettings(), [scene.media], [0])
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, time.perf_counter() - begun)
+"""
+
+
+def test_ten_thousand_instances_cost_little():
+    """Of a mesh of 1000 triangles: the peak of resident memory, scene and upload, against that of one instance."""
+
+    def peak(count):
+        command = [sys.executable, "-c", MEASURE, str(count)]
+        return float(subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()[-2])
+
+    assert peak(10_000) - peak(1) < 200

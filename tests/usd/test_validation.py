@@ -1,0 +1,219 @@
+"""What the validators find, each in a stage in which nothing else is wrong, and what they let pass."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from pxr import UsdValidation
+
+from fgf_warp.errors import SceneError
+from fgf_warp.scene import Medium
+from tests.usd.conftest import write
+from tests.usd.prims import CAMERA, DOME, medium_sphere
+from usd_scenes.authoring import author_interchange
+from usd_scenes.library import MEDIUM_PATH, build_sphere, stage_names, stage_path
+from usd_scenes.validation import Finding, validate_stage
+
+HEADER = '#usda 1.0\n(\n    defaultPrim = "Camera"\n    metersPerUnit = 0.01\n    upAxis = "Y"\n)\n'
+LAMP = 'def SphereLight "Lamp"\n{\n    float inputs:radius = 0.1\n}\n'
+CAMERA_AT_ORIGIN = 'def Camera "Camera"\n{\n}\n'
+CAMERA_IN_BOX = CAMERA.replace("(0, 0, 9)", "(0, 0, 3)")
+BOX = 'def Cube "Box"\n{\n    double size = 8\n}\n'
+MESH = """def Mesh "Shell" (
+    prepend apiSchemas = ["MaterialBindingAPI"]
+)
+{
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    int[] faceVertexCounts = [3, 3, 3]
+    int[] faceVertexIndices = [0, 2, 1, 0, 1, 3, 0, 3, 2]
+    uniform token subdivisionScheme = "none"
+    rel material:binding = </Look>
+}
+"""
+CURVES = """def BasisCurves "Hair" (
+    prepend apiSchemas = ["MaterialBindingAPI"]
+)
+{
+    rel material:binding = </Look>
+}
+"""
+SURFACE = """def Shader "Surface"
+    {
+        uniform token info:id = "UsdPreviewSurface"
+        token outputs:surface
+    }"""
+
+
+@pytest.fixture
+def find(tmp_path: Path) -> Callable[..., tuple[Finding, ...]]:
+    """Validates the given prims beside a camera and a dome."""
+
+    def find_in(prims: str, *, header: str = HEADER, camera: str = CAMERA, light: str = DOME) -> tuple[Finding, ...]:
+        return validate_stage(write(tmp_path, header + camera + light + prims))
+
+    return find_in
+
+
+def told(findings: tuple[Finding, ...]) -> list[tuple[str, str, str]]:
+    """Severity, path and the last name of each."""
+    return [(finding.severity, finding.path, finding.validator.rsplit(".")[-1]) for finding in findings]
+
+
+@pytest.mark.parametrize("name", stage_names())
+def test_nothing_is_found_in_our_own_stages(name: str) -> None:
+    assert validate_stage(stage_path(name)) == ()
+
+
+def test_nothing_is_found_in_a_stage_where_nothing_is_wrong(find) -> None:
+    assert find(medium_sphere("")) == ()
+
+
+@pytest.mark.parametrize(
+    ("prims", "extra", "expected", "words"),
+    [
+        (
+            medium_sphere("float inputs:fgf:hurst = 1.001"),
+            {},
+            ("error", "/Look.inputs:fgf:hurst", "ValueOutOfDomain"),
+            "H = 1.001; accepted",
+        ),
+        (
+            medium_sphere('uniform token fgf:boundary = "wall"'),
+            {},
+            ("error", "/Look.fgf:boundary", "UnknownBoundary"),
+            "fgf:boundary = wall; accepted: none, surface",
+        ),
+        (
+            medium_sphere("float inputs:fgf:hurst = -0.25", schemas=""),
+            {},
+            ("error", "/Look", "UnappliedSchema"),
+            "accepted: FgfMediumAPI in the prim's apiSchemas",
+        ),
+        (
+            medium_sphere("token outputs:fgf:volume.connect = </Look/Gone.outputs:volume>"),
+            {},
+            ("warning", "/Look", "UnconnectedTerminal"),
+            "outputs:fgf:volume is connected to nothing",
+        ),
+        (
+            medium_sphere("float inputs:fgf:meanExtinction = 1e6"),
+            {},
+            ("warning", "/Look", "OpaqueMedium"),
+            "the mean optical depth across its 2 units is 2e+06",
+        ),
+        (
+            medium_sphere("float inputs:fgf:meanExtinction = 1e-6"),
+            {},
+            ("warning", "/Look", "ClearMedium"),
+            "is per stage unit, of 0.01 m (metersPerUnit); meant per metre, it is 1e-08 per unit",
+        ),
+        (medium_sphere("") + CURVES, {}, ("error", "/Hair", "NothingToFill"), "a BasisCurves cannot be filled"),
+        (medium_sphere("") + MESH, {}, ("error", "/Shell", "OpenMediumMesh"), "needs a closed mesh"),
+        (
+            'def Material "Look" (\n    prepend apiSchemas = ["FgfMediumAPI"]\n)\n{\n}\n',
+            {},
+            ("warning", "/Look", "UnboundMedium"),
+            "fills nothing; accepted: bound to a closed shape",
+        ),
+        (
+            medium_sphere(
+                'uniform token fgf:boundary = "surface"\n'
+                "    token outputs:surface.connect = </Look/Surface.outputs:surface>",
+                inside=SURFACE,
+            ),
+            {},
+            ("warning", "/Look", "ShadowedMedium"),
+            "the surface of /Ball is opaque",
+        ),
+        (
+            BOX,
+            {"camera": CAMERA_AT_ORIGIN},
+            ("warning", "/Camera", "UnlitCamera"),
+            "inside /Box, an opaque closed shape",
+        ),
+        (BOX + LAMP, {}, ("warning", "/Lamp", "EnclosedLight"), "inside /Box, an opaque closed shape"),
+        (BOX + medium_sphere(""), {}, ("warning", "/Look", "UnlitMedium"), "no light reaches the medium in /Ball"),
+        (
+            medium_sphere(""),
+            {"camera": CAMERA_AT_ORIGIN},
+            ("info", "/Camera", "CameraInMedium"),
+            "inside /Ball, filled with /Look",
+        ),
+        (
+            "".join(medium_sphere("").replace("Ball", f"Ball{k}").replace("Look", f"Look{k}") for k in range(33)),
+            {},
+            ("error", "/", "TooManyFilledShapes"),
+            "33 shapes are filled with media, each instance by itself; accepted: at most 32",
+        ),
+        (
+            'def Sphere "Ball"\n{\n    double radius = -1\n}\n',
+            {},
+            ("error", "/Ball.radius", "Refused"),
+            "radius = -1; accepted: > 0",
+        ),
+    ],
+)
+def test_what_is_wrong_is_told_once(find, prims: str, extra: dict, expected: tuple[str, str, str], words: str) -> None:
+    (finding,) = find(prims, **extra)
+    assert told((finding,)) == [expected]
+    assert words in finding.text
+
+
+def test_what_is_authored_for_other_renderers_is_no_error(tmp_path: Path) -> None:
+    """This USD has no shaders of MaterialX, of which it tells."""
+    stage = build_sphere(Medium(name="", mean_extinction=2.0))
+    author_interchange(stage.GetPrimAtPath(MEDIUM_PATH))
+    stage.Export(str(tmp_path / "stage.usda"))
+    assert {finding.severity for finding in validate_stage(tmp_path / "stage.usda")} == {"warning"}
+
+
+def test_a_boundary_without_a_surface_hides_the_medium(find) -> None:
+    findings = find(medium_sphere('uniform token fgf:boundary = "surface"'))
+    assert {name for _, _, name in told(findings)} == {"MissingSurface", "ShadowedMedium"}
+
+
+def test_all_values_of_a_medium_that_are_wrong_are_told(find) -> None:
+    values = "float inputs:fgf:hurst = -3\nfloat inputs:fgf:asymmetry = 1\nint inputs:fgf:hearst = 1\n"
+    found = told(
+        find(medium_sphere(values + "float inputs:fgf:meanExtinction = -1\ncolor3f inputs:fgf:albedo = (2, 0, 0)"))
+    )
+    names = ("albedo", "asymmetry", "hearst", "hurst", "meanExtinction")
+    assert found == [("error", f"/Look.inputs:fgf:{name}", "ValueOutOfDomain") for name in names]
+
+
+def test_problems_of_several_prims_are_all_told(find) -> None:
+    ball = 'def Sphere "Ball{0}"\n{{\n    double radius = -{0}\n}}\n'
+    assert [finding.path for finding in find(ball.format(1) + ball.format(2))] == ["/Ball1.radius", "/Ball2.radius"]
+
+
+def test_a_room_with_a_lamp_is_no_prison(find) -> None:
+    assert find(BOX + LAMP + medium_sphere(""), camera=CAMERA_IN_BOX) == ()
+
+
+def test_usds_own_rules_are_among_them(find) -> None:
+    (finding,) = find("", header=HEADER.replace("    metersPerUnit = 0.01\n", ""))
+    assert finding.severity == "error"
+    assert finding.validator == "usdGeomValidators:StageMetadataChecker.MissingMetersPerUnitMetadata"
+    assert "does not specify its linear scale" in str(finding)
+    assert "\n" not in str(finding)
+
+
+def test_what_is_no_stage_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="stage"):
+        validate_stage(write(tmp_path, "#usda 1.0\ndef Sphere {"))
+    with pytest.raises(SceneError, match="no such file"):
+        validate_stage(tmp_path / "none.usda")
+
+
+def test_usd_knows_our_validators_with_documentation_and_keyword() -> None:
+    registry = UsdValidation.ValidationRegistry()
+    known = registry.GetValidatorMetadataForKeyword("FgfValidators")
+    assert {metadata.name.rsplit(":")[-1] for metadata in known} == {
+        "MediumBinding",
+        "MediumTerminals",
+        "MediumValues",
+        "Scene",
+    }
+    for metadata in known:
+        assert metadata.doc
+        assert registry.GetOrLoadValidatorByName(metadata.name)

@@ -1,0 +1,143 @@
+"""Primvars: values that vary over a shape, brought to the corners of its triangles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from usd_scenes.reader.context import StageContext
+
+INTERPOLATIONS = ("constant", "uniform", "varying", "vertex", "faceVarying")
+
+
+@dataclass(frozen=True, eq=False)
+class Primvar:
+    """Values on a polygon mesh.
+
+    Args:
+        values: (n, k) float64.
+        interpolation: one of `INTERPOLATIONS`.
+        indices: (l,) int into `values`, or None where the values follow one another.
+    """
+
+    values: np.ndarray
+    interpolation: str
+    indices: np.ndarray | None = None
+
+    @property
+    def elements(self) -> np.ndarray:
+        """(l, k), the values without indices."""
+        return self.values if self.indices is None else self.values[self.indices]
+
+
+@dataclass(frozen=True, eq=False)
+class Polygons:
+    """The faces of a mesh.
+
+    Args:
+        n_points: points that `indices` count in.
+        counts: (f,) int64, corners of each face.
+        indices: (sum(counts),) int64, the points at the corners of all faces.
+    """
+
+    n_points: int
+    counts: np.ndarray
+    indices: np.ndarray
+
+    @property
+    def face_of_corner(self) -> np.ndarray:
+        """(sum(counts),) int64."""
+        return np.repeat(np.arange(len(self.counts)), self.counts)
+
+    def count_of(self, interpolation: str) -> int:
+        """Number of elements that a primvar of this interpolation has."""
+        return {
+            "constant": 1,
+            "uniform": len(self.counts),
+            "varying": self.n_points,
+            "vertex": self.n_points,
+            "faceVarying": len(self.indices),
+        }[interpolation]
+
+
+def find_primvar(prim: Usd.Prim, name: str) -> UsdGeom.Primvar:
+    """The primvar of a prim, or the constant one that it inherits; an invalid one where there is none with a value."""
+    return UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+
+
+def read_primvar(primvar: UsdGeom.Primvar, polygons: Polygons, context: StageContext) -> Primvar | None:
+    """The values of a primvar; None, with a warning, where they do not fit the mesh or are no numbers."""
+    values = read_values(primvar, context)
+    if values is None:
+        return None
+    return fitted(
+        Primvar(values, primvar.GetInterpolation(), read_indices(primvar, context)),
+        polygons,
+        str(primvar.GetAttr().GetPath()),
+        context,
+    )
+
+
+def read_values(primvar: UsdGeom.Primvar, context: StageContext) -> np.ndarray | None:
+    """(n, k) float64, of a primvar; None, with a warning, where these are no finite numbers."""
+    path = primvar.GetAttr().GetPath()
+    if primvar.GetElementSize() != 1:
+        context.notes.add("primvar of an elementSize that is not 1 is not supported and is left out", path)
+        return None
+    value = primvar.Get(context.time)
+    try:
+        values = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.array(np.nan)
+    if not np.isfinite(values).all():
+        context.notes.add("primvar without finite numbers is left out", path)
+        return None
+    if not primvar.GetTypeName().isArray:
+        values = values[None]
+    return values.reshape(len(values), -1) if values.size else values.reshape(0, 1)
+
+
+def read_indices(primvar: UsdGeom.Primvar, context: StageContext) -> np.ndarray | None:
+    """(l,) int64 of an indexed primvar."""
+    return np.asarray(primvar.GetIndices(context.time), dtype=np.int64) if primvar.IsIndexed() else None
+
+
+def fitted(primvar: Primvar, polygons: Polygons, path: str, context: StageContext) -> Primvar | None:
+    """The primvar, or None, with a warning, where it does not fit the mesh."""
+    values, indices = primvar.values, primvar.indices
+    if indices is not None and len(indices) and not (indices.min() >= 0 and indices.max() < len(values)):
+        span = f"[{indices.min()}, {indices.max()}]"
+        context.notes.add(f"primvar with indices in {span} for {len(values)} values is left out", path)
+        return None
+    found = len(values) if indices is None else len(indices)
+    expected = polygons.count_of(primvar.interpolation)
+    if found != expected:
+        text = f"{primvar.interpolation} primvar of {found} values where {expected} are expected is left out"
+        context.notes.add(text, path)
+        return None
+    return primvar
+
+
+def at_corners(primvar: Primvar, polygons: Polygons, corners: np.ndarray) -> np.ndarray:
+    """A primvar on triangles.
+
+    Args:
+        primvar: that fits the polygons.
+        polygons: the mesh.
+        corners: (m, 3) int, the polygons' corners that the triangles' lie at.
+
+    Returns:
+        (1, 1, k), (m, 1, k) or (m, 3, k) float32: constant, uniform, or any other.
+    """
+    elements = primvar.elements.astype(np.float32)
+    match primvar.interpolation:
+        case "constant":
+            return elements[:, None]
+        case "uniform":
+            return elements[polygons.face_of_corner[corners[:, :1]]]
+        case "faceVarying":
+            return elements[corners]
+        case _:
+            return elements[polygons.indices[corners]]

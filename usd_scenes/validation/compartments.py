@@ -1,0 +1,113 @@
+"""Which parts of space share light.
+
+Opaque closed shapes, the walls, part space into compartments that no light passes between. The compartment of a point
+is the set of the walls around it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from fgf_warp.scene import (
+    BLACK,
+    AreaLight,
+    DistantLight,
+    DomeLight,
+    Light,
+    Mesh,
+    MeshInstance,
+    MeshLight,
+    Shape,
+    Solid,
+    count_open_edges,
+    encloses,
+    shape_bounds,
+)
+
+Compartment = frozenset[str]
+"""Names of walls."""
+OUTSIDE: Compartment = frozenset()
+
+MESH_SAMPLES = 8
+"""Triangles of a mesh that stand for all of it."""
+ABOVE_LIGHT = 1e-3
+"""How far above a flat light its compartment is looked for, in units of its size: it may lie in a wall."""
+POLES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=np.float64)
+
+
+class Walls:
+    """The opaque closed shapes of a scene.
+
+    Args:
+        shapes: all of a scene's.
+    """
+
+    def __init__(self, shapes: Sequence[Shape]) -> None:
+        self._walls = [shape for shape in shapes if is_opaque(shape)]
+        boxes = np.array([shape_bounds(wall) for wall in self._walls]).reshape(-1, 2, 3)
+        self._lows, self._highs = boxes[:, 0], boxes[:, 1]
+        self._closed: dict[int, bool] = {}
+
+    def around(self, point: np.ndarray, but: Shape | None = None) -> Compartment:
+        """The compartment of a point, (3,) float64; `but` is not taken as a wall."""
+        near = np.flatnonzero(((self._lows < point) & (point < self._highs)).all(axis=1))
+        return frozenset(
+            self._walls[k].name
+            for k in map(int, near)
+            if self._walls[k] is not but and self._is_closed(k) and encloses(self._walls[k], point)
+        )
+
+    def _is_closed(self, k: int) -> bool:
+        wall = self._walls[k]
+        mesh = wall.mesh if isinstance(wall, MeshInstance) else wall
+        if isinstance(mesh, Solid):
+            return True
+        if k not in self._closed:
+            self._closed[k] = count_open_edges(mesh.points, mesh.triangles) == 0
+        return self._closed[k]
+
+
+def is_opaque(shape: Shape) -> bool:
+    """True where no light passes the shape's surface."""
+    return shape.surface is not None and not shape.surface.may_be_transparent
+
+
+def lit_compartments(walls: Walls, shapes: Sequence[Shape], lights: Sequence[Light]) -> set[Compartment]:
+    """Those that some light shines in: of the scene's lights, or of shapes that emit to both sides."""
+    lit = {compartment_of(light, walls) for light in lights}
+    for shape in shapes:
+        if shape.surface is not None and shape.surface.emission != BLACK:
+            for outside in compartments_of(shape, walls):
+                lit |= {outside, outside | {shape.name}}
+    return lit
+
+
+def compartment_of(light: Light, walls: Walls) -> Compartment:
+    """Where a light shines from; those at infinity are outside."""
+    if isinstance(light, DistantLight | DomeLight):
+        return OUTSIDE
+    if isinstance(light, MeshLight):
+        a, b, c = light.corners[0]
+        return walls.around((a + b + c) / 3 + ABOVE_LIGHT * np.cross(b - a, c - a) / np.sqrt(2 * light.areas[0] or 1.0))
+    center = np.array(light.center)
+    if isinstance(light, AreaLight):
+        normal = np.cross(light.half_u, light.half_v)
+        center += ABOVE_LIGHT * normal / np.sqrt(np.linalg.norm(normal))
+    return walls.around(center)
+
+
+def compartments_of(shape: Shape, walls: Walls) -> set[Compartment]:
+    """Those that a shape lies in, by some points on it."""
+    return {walls.around(point, but=shape) for point in _points_on(shape)}
+
+
+def _points_on(shape: Shape) -> Iterator[np.ndarray]:
+    if isinstance(shape, Mesh):
+        some = np.unique(np.linspace(0, len(shape.triangles) - 1, MESH_SAMPLES).astype(int))
+        yield from shape.points[shape.triangles[some]].mean(axis=1)
+        return
+    local = _points_on(shape.mesh) if isinstance(shape, MeshInstance) else POLES
+    matrix = shape.object_to_world
+    yield from (matrix[:3, :3] @ point + matrix[:3, 3] for point in local)
