@@ -39,10 +39,14 @@ COATED = {
     "coated metal": Bsdf(WHITE, metallic=1.0, clearcoat=1.0, clearcoat_roughness=0.3, roughness=0.5),
     "coated specular workflow": Bsdf(WHITE, specular=GOLD, clearcoat=1.0, clearcoat_roughness=0.4, roughness=0.5),
 }
-ROUGH = LOSSLESS | COATED | {
-    "gold": Bsdf(GOLD, metallic=0.8, roughness=0.4),
-    "all at once": Bsdf(GOLD, metallic=0.3, clearcoat=0.7, clearcoat_roughness=0.3, fade=0.6, roughness=0.5),
-}
+ROUGH = (
+    LOSSLESS
+    | COATED
+    | {
+        "gold": Bsdf(GOLD, metallic=0.8, roughness=0.4),
+        "all at once": Bsdf(GOLD, metallic=0.3, clearcoat=0.7, clearcoat_roughness=0.3, fade=0.6, roughness=0.5),
+    }
+)
 COAT_LOSS = {"coated": 0.006, "half coated": 0.006, "coated metal": 0.05, "coated specular workflow": 0.05}
 """What is lost between a coat and a specular layer at most: the coat dims it by the larger of two albedos."""
 

@@ -70,7 +70,7 @@ def test_tiles():
     texture = Texture(tiles, is_udim=True, fallback=(0.1, 0.2, 0.3, 0.4))
     inner = RNG.random((200, 2)).astype(np.float32).astype(np.float64)
     for (u, v), image in tiles.items():
-        st = (inner + (u, v)).astype(np.float32).astype(np.float64)
+        st = (inner + np.array([u, v])).astype(np.float32).astype(np.float64)
         found, rgba = read_texture(texture, st)
         assert np.all(found >= 0)
         assert np.abs(rgba - expected(image, st - (u, v), "clamp", "clamp")).max() < 2e-4

@@ -12,6 +12,7 @@ from fgf_warp.renderer import begin, build_model, develop, step
 from fgf_warp.settings import Aov, RenderSettings
 from tests.grid import REGIMES
 from tests.render.test_instances import example
+from tests.render.test_lights import INTRICATE, block_under
 from tests.render.test_render import full_scene
 from tests.scenes import furnace
 
@@ -71,8 +72,9 @@ def test_the_pool_of_lanes_is_faster_than_one_path_at_a_time(make, ratio):
         lambda: furnace(fills_view=False, transport="mixed", **REGIMES["pink"]),
         full_scene,
         example,
+        lambda: block_under(INTRICATE["soft cone"], light_links=8),
     ],
-    ids=["pink", "mixed", "full", "instances"],
+    ids=["pink", "mixed", "full", "instances", "lights"],
 )
 def test_both_drivers_render_the_same_picture(make):
     """The driver of CUDA, run on the CPU: from the same random numbers, up to the order of sums."""
