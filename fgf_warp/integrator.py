@@ -23,6 +23,7 @@ from fgf_warp.device import lanes as lanes_module
 from fgf_warp.device.bsdf import Bsdf, eval_bsdf, prepare_bsdf, rescale, sample_bsdf
 from fgf_warp.device.bvh import Bvh, build_intersect_meshes, build_place_instance
 from fgf_warp.device.camera import Camera, camera_at, camera_direction, camera_ray, far_distance, film_point
+from fgf_warp.device.drift import Drift, image_motion
 from fgf_warp.device.film import Film, Sample, Tally, add_sample
 from fgf_warp.device.geometry import (
     BOUNDARY,
@@ -51,7 +52,7 @@ from fgf_warp.device.geometry import (
     solid_span,
     surface_distance,
 )
-from fgf_warp.device.lanes import LANES, Path
+from fgf_warp.device.lanes import FIRST_CONTAINER, LANES, NOT_SEEN, Path
 from fgf_warp.device.law import (
     ESCAPED,
     EXACT_FBM,
@@ -98,7 +99,6 @@ from fgf_warp.device.medium import Container, Medium, container_at, ior_at, medi
 from fgf_warp.device.numerics import INFINITE, choose, log_positive, max_component
 from fgf_warp.device.options import kernel_options
 from fgf_warp.device.phase import Phase, build_phase
-from fgf_warp.device.prims import Prim, image_motion
 from fgf_warp.device.rng import (
     CAMERA,
     CONNECTION,
@@ -155,9 +155,9 @@ class SceneData:
     tables: wp.array(dtype=wp.vec3)
     """Of the laws."""
     containers: wp.array(dtype=Container)
-    surface_prims: wp.array(dtype=Prim)
-    container_prims: wp.array(dtype=Prim)
-    """Of each of the surfaces and the containers, where a plane tells of them."""
+    surface_drifts: wp.array(dtype=Drift)
+    container_drifts: wp.array(dtype=Drift)
+    """Of each of the surfaces and the containers, where a plane tells of motion."""
     lights: wp.array(dtype=Light)
     light_tables: LightTables
     camera_inside: wp.uint32
@@ -254,7 +254,7 @@ def build_program(features: RenderFeatures) -> Program:
     sees_first_segment = bool(features.aovs & {Aov.DEPTH, Aov.TRANSMITTANCE, Aov.OPTICAL_DEPTH})
     sees_segment_length = bool(features.aovs & {Aov.TRANSMITTANCE, Aov.OPTICAL_DEPTH})
     tells_prims = bool(features.aovs & PRIM_AOVS)
-    sees_prims = tells_prims or (features.motion and Aov.MOTION in features.aovs)
+    tracks = Aov.MOTION in features.aovs
     splits = bool(features.aovs & SPLIT_AOVS)
     has_surfaces, has_lights, has_solids = features.surfaces, bool(features.shaped_lights), bool(features.solids)
     solid_kinds = {SOLID_KINDS[kind] for kind in features.solids}
@@ -751,6 +751,8 @@ def build_program(features: RenderFeatures) -> Program:
                 if scatters:
                     path.albedo = medium.albedo
                     path.phase = medium.phase
+                    if wp.static(tells_prims):
+                        path.container = container_at(scene.containers, before.start.inside)
                 if wp.static(features.chromatic):
                     densities = wp.vec3(1.0)
                     if scatters:
@@ -771,28 +773,6 @@ def build_program(features: RenderFeatures) -> Program:
                     path.first_transmittance = attenuation(medium, length, False, wp.vec3(NOT_FROZEN))
                     path.first_optical_depth = medium.extinction * length
                     path.has_met_medium = 1
-        return path
-
-    @wp.func
-    def identify(scene: SceneData, before: Path) -> Path:
-        """Which prim it meets, or scatters in the medium of, and how that moves in the image."""
-        path = before
-        scatters_in_medium = before.flight <= before.hit.t and before.flight < 0.5 * INFINITE
-        if before.depth == 0 and (scatters_in_medium or before.hit.kind == SURFACE):
-            prim = Prim()
-            if scatters_in_medium:
-                container = int(0)
-                if wp.static(lone_law == ""):
-                    container = container_at(scene.containers, before.start.inside)
-                prim = scene.container_prims[container]
-            else:
-                prim = scene.surface_prims[before.hit.item]
-            path.seen = wp.min(before.flight, before.hit.t)
-            path.prim = prim.number
-            path.instance = prim.instance
-            if wp.static(features.motion):
-                position = before.origin + before.direction * path.seen
-                path.first_motion = image_motion(scene.camera, prim, position, before.start.time)
         return path
 
     @wp.func(inline=True)
@@ -956,6 +936,15 @@ def build_program(features: RenderFeatures) -> Program:
             if wp.static(shades):
                 color = choose(meets_surface, before.reflectance, albedo)
             path.first_albedo = choose(is_first, color, before.first_albedo)
+        if wp.static(tells_prims):
+            is_first = before.depth == 0 and would_scatter
+            container = int(0)
+            if wp.static(lone_law == ""):
+                container = before.container
+            item = wp.where(meets_surface, before.hit.item, FIRST_CONTAINER - container)
+            path.seen = wp.where(is_first, wp.min(before.hit.t, before.flight), before.seen)
+            path.seen_item = wp.where(is_first, item, before.seen_item)
+            path.seen_at = choose(is_first, path.origin, before.seen_at)
         dimmed = wp.cw_mul(before.throughput, albedo)
         is_absorbed = would_scatter and max_component(dimmed) == 0.0
         is_cut = would_scatter and not is_absorbed and before.depth >= limits.max_depth
@@ -1288,7 +1277,7 @@ def build_program(features: RenderFeatures) -> Program:
         path.pdf_direction = CAMERA_RAY
         path.first_depth = INFINITE
         path.seen = INFINITE
-        path.instance = -1
+        path.seen_item = NOT_SEEN
         path.first_transmittance = wp.vec3(1.0, 1.0, 1.0)
         path.medium = -1
         path.links = ALL_LINKS
@@ -1330,6 +1319,19 @@ def build_program(features: RenderFeatures) -> Program:
         path.start.slack = 2.0 * OFFSET * coordinate_reach(before.origin, back)
         return path
 
+    @wp.func
+    def track(scene: SceneData, before: Path) -> Path:
+        """How what a complete path saw first moves in the image."""
+        path = before
+        if before.seen_item != NOT_SEEN:
+            drift = Drift()
+            if before.seen_item <= FIRST_CONTAINER:
+                drift = scene.container_drifts[FIRST_CONTAINER - before.seen_item]
+            else:
+                drift = scene.surface_drifts[before.seen_item]
+            path.first_motion = image_motion(scene.camera, drift, before.seen_at, before.start.time)
+        return path
+
     @wp.func(inline=True)
     def finish(before: Tally, path: Path, is_complete: bool) -> Tally:
         """The tally of the path's pixel with the path in it, where the path is complete."""
@@ -1347,8 +1349,7 @@ def build_program(features: RenderFeatures) -> Program:
         sample.direct = path.direct
         sample.scatterings = float(path.depth)
         sample.seen = path.seen
-        sample.prim = path.prim
-        sample.instance = path.instance
+        sample.seen_item = path.seen_item
         sample.truncated = path.truncated
         return add_sample(before, sample, is_complete)
 
@@ -1382,8 +1383,7 @@ def build_program(features: RenderFeatures) -> Program:
             tally.scatterings = film.scatterings[place]
         if wp.static(tells_prims):
             tally.seen = film.seen[place]
-            tally.prim = film.prim[place]
-            tally.instance = film.instance[place]
+            tally.seen_item = film.seen_item[place]
         return tally
 
     @wp.func
@@ -1415,8 +1415,7 @@ def build_program(features: RenderFeatures) -> Program:
             film.scatterings[place] = tally.scatterings
         if wp.static(tells_prims):
             film.seen[place] = tally.seen
-            film.prim[place] = tally.prim
-            film.instance[place] = tally.instance
+            film.seen_item[place] = tally.seen_item
 
     # ---- the drivers.
 
@@ -1504,13 +1503,13 @@ def build_program(features: RenderFeatures) -> Program:
                         path, bsdf = shade(scene, path, seed)
                 if wp.static(needs_meeting):
                     path = meet(scene, path)
-                if wp.static(sees_prims):
-                    path = identify(scene, path)
                 path = arrive(path, lone, scene.environment, scene.camera, limits)
                 if wp.static(features.connections):
                     if path.scatters != MISS:
                         path = connect(scene, lone, path, bsdf, seed)
                 path = go_on(path, limits)
+            if wp.static(tracks):
+                path = track(scene, path)
             tally = finish(tally, path, True)
         write_film(film, place, tally)
 
@@ -1561,6 +1560,11 @@ def build_program(features: RenderFeatures) -> Program:
         while working > 0:
             # A lane takes the samples of its pixel one after the other, and then another pixel.
             waiting = int(0)
+            if wp.static(tracks):
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    if path.alive == 0 and path.sample < end_sample:
+                        store(lanes, i, track(scene, path))
             for i in range(LANES):
                 path = load(lanes, i)
                 is_complete = path.alive == 0 and path.sample < end_sample
@@ -1697,11 +1701,6 @@ def build_program(features: RenderFeatures) -> Program:
                     path = load(lanes, i)
                     if path.alive == 1:
                         store(lanes, i, meet(scene, path))
-            if wp.static(sees_prims):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    if path.alive == 1:
-                        store(lanes, i, identify(scene, path))
 
             for i in range(LANES):
                 path = load(lanes, i)

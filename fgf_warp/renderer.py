@@ -19,7 +19,7 @@ from fgf_warp import __version__
 from fgf_warp.bvh import load_builder
 from fgf_warp.errors import ConfigError, NumericalError
 from fgf_warp.features import required_features
-from fgf_warp.integrator import Film, Program, build_program
+from fgf_warp.integrator import NOT_SEEN, Film, Program, build_program
 from fgf_warp.result import RenderResult
 from fgf_warp.scene import Medium, Scene
 from fgf_warp.settings import GIB, PRIM_AOVS, SPLIT_AOVS, Aov, RenderSettings
@@ -181,7 +181,7 @@ def image_bytes(settings: RenderSettings) -> int:
     """Memory that one image takes while it is rendered, beside the scene."""
     film = 2 * 24 + 8 + 2 * 4  # radiance and its square, alpha, two counts
     film += 24 * len(_summed(settings)) + 4 * (Aov.DEPTH in settings.aovs)
-    film += 8 * (Aov.SCATTERINGS in settings.aovs) + 3 * 4 * bool(settings.aovs & PRIM_AOVS)
+    film += 8 * (Aov.SCATTERINGS in settings.aovs) + 2 * 4 * bool(settings.aovs & PRIM_AOVS)
     return settings.width * settings.height * (film + DEVELOPING_BYTES + PLANE_BYTES * len(settings.aovs))
 
 
@@ -223,9 +223,8 @@ def begin(model: Model) -> State:
     tells_prims = bool(settings.aovs & PRIM_AOVS)
     film.seen = plane(wp.float32, tells_prims)
     film.seen.fill_(np.inf)
-    film.prim = plane(wp.int32, tells_prims)
-    film.instance = plane(wp.int32, tells_prims)
-    film.instance.fill_(-1)
+    film.seen_item = plane(wp.int32, tells_prims)
+    film.seen_item.fill_(NOT_SEEN)
     film.invalid = plane(wp.int32)
     film.truncated = plane(wp.int32)
     images = len(model.variants)
@@ -333,10 +332,11 @@ def develop(model: Model, state: State, image: int = 0) -> RenderResult:
         aovs[Aov.INDIRECT] = (exposure * (radiance - plane(film.direct) / n)).astype(np.float32)
     if Aov.SCATTERINGS in settings.aovs:
         aovs[Aov.SCATTERINGS] = (plane(film.scatterings) / n).astype(np.float32)
+    numbers, instances = _prim_numbers(model.scene)
     if Aov.PRIM_ID in settings.aovs:
-        aovs[Aov.PRIM_ID] = plane(film.prim)
+        aovs[Aov.PRIM_ID] = numbers[plane(film.seen_item)]
     if Aov.INSTANCE_ID in settings.aovs:
-        aovs[Aov.INSTANCE_ID] = plane(film.instance)
+        aovs[Aov.INSTANCE_ID] = instances[plane(film.seen_item)]
     return RenderResult(
         radiance=(exposure * radiance).astype(np.float32),
         alpha=(plane(film.alpha) / n).astype(np.float32),
@@ -349,6 +349,18 @@ def develop(model: Model, state: State, image: int = 0) -> RenderResult:
         settings=replace(settings, seed=model.variants[image].seed),
         provenance=_provenance(model, image, n),
     )
+
+
+def _prim_numbers(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Of each `Path.seen_item`, as an index: the number of its prim and that in its instancer, int32.
+
+    Surfaces count from the front, and nothing and the containers from the back.
+    """
+    numbers = {name: number for number, name in enumerate(scene.prims, start=1)}
+    surfaces = [(numbers[shape.name], shape.instance) for shape in scene.shapes if shape.surface is not None]
+    containers = [(numbers[shape.name], shape.instance) for shape in scene.shapes if shape.medium is not None]
+    table = np.array([*surfaces, *reversed(containers), (0, -1)], dtype=np.int32)
+    return table[:, 0], table[:, 1]
 
 
 @dataclass(frozen=True)

@@ -684,6 +684,16 @@ class MeshInstance:
 
 Shape = Solid | Mesh | MeshInstance
 
+MANY_SOLIDS = 100
+"""More surfaces of solids than that are looked up in a tree, and are not tried one after the other."""
+
+
+def solids_in_tree(shapes: Sequence[Shape]) -> list[Solid]:
+    """Those solids that are looked up in a tree: none, or all whose surface is all there is of them."""
+    solids = [shape for shape in shapes if isinstance(shape, Solid) and shape.surface is not None]
+    bare = [solid for solid in solids if solid.medium is None]
+    return bare if len(bare) > MANY_SOLIDS else []
+
 
 MAX_CONTAINERS = 32
 """Shapes filled with a medium: one bit each in a path's state."""
@@ -1067,7 +1077,7 @@ class Scene:
         return replace(self, media=media)
 
 
-def drift(shape: Shape) -> np.ndarray:
+def drift_of(shape: Shape) -> np.ndarray:
     """(4, 4) float64 by which a point of a shape moves while the shutter is open, from its place at the opening."""
     if isinstance(shape, Mesh) or shape.closing is None:
         return np.zeros((4, 4))

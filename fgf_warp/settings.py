@@ -69,8 +69,8 @@ TRACED_AOVS = frozenset(Aov) - {Aov.VARIANCE, Aov.SAMPLES}
 """The planes that a kernel must be built for; the others follow from its sums."""
 SPLIT_AOVS = frozenset({Aov.DIRECT, Aov.INDIRECT})
 """The two parts of the radiance; a render sums one and has both."""
-PRIM_AOVS = frozenset({Aov.PRIM_ID, Aov.INSTANCE_ID})
-"""Of the nearest prim in a pixel."""
+PRIM_AOVS = frozenset({Aov.PRIM_ID, Aov.INSTANCE_ID, Aov.MOTION})
+"""Planes that tell what is seen first."""
 USUAL_AOVS = frozenset(Aov) - SPLIT_AOVS - {Aov.INSTANCE_ID, Aov.MOTION, Aov.OPTICAL_DEPTH, Aov.SCATTERINGS}
 """What a single image is written with unless others are named."""
 

@@ -375,9 +375,8 @@ def prepare_bsdf(tables: wp.array(dtype=float), before: Bsdf, wo: wp.vec3) -> Bs
     specular = under_coat * mean(single)
     matte = under_coat * mean(tinted) * (1.0 - bsdf.ggx_o)
     matte += bsdf.cover * dielectric * bsdf.fade * mean(wp.cw_mul(bsdf.diffuse, through))
-    straight = mean(bsdf.passes)
     scattered = coat + specular + matte + glass
-    bsdf.p_pass = straight / wp.max(straight + scattered, 1.0e-20)
+    bsdf.p_pass = wp.clamp(mean(bsdf.passes), 0.0, 1.0)
     whole = wp.max(scattered, 1.0e-20)
     bsdf.p_coat = coat / whole
     bsdf.p_specular = specular / whole
@@ -581,7 +580,7 @@ def rescale(xi: float, low: float, width: float) -> float:
 
 @wp.func
 def sample_bsdf(tables: wp.array(dtype=float), bsdf: Bsdf, xi: wp.vec4) -> BsdfSample:
-    """A direction of what does not pass straight; two numbers place it in a lobe, the third chooses that, as the fourth.
+    """A direction of what does not pass straight; two numbers place it in a lobe, the others choose it.
 
     The weight is 0 where there is no direction.
     """

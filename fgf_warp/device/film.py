@@ -28,9 +28,9 @@ class Film:
     direct: wp.array(dtype=wp.vec3d)
     scatterings: wp.array(dtype=wp.float64)
     seen: wp.array(dtype=wp.float32)
-    """Distance of the nearest prim, not a sum; and which it is."""
-    prim: wp.array(dtype=wp.int32)
-    instance: wp.array(dtype=wp.int32)
+    """Distance of the nearest thing that is seen, not a sum."""
+    seen_item: wp.array(dtype=wp.int32)
+    """Which it is, see `Path.seen_item`."""
     invalid: wp.array(dtype=wp.int32)
     """Samples that were not finite, and were left out."""
     truncated: wp.array(dtype=wp.int32)
@@ -55,8 +55,7 @@ class Tally:
     direct: wp.vec3d
     scatterings: wp.float64
     seen: float
-    prim: int
-    instance: int
+    seen_item: int
     invalid: int
     truncated: int
 
@@ -78,8 +77,7 @@ class Sample:
     direct: wp.vec3
     scatterings: float
     seen: float
-    prim: int
-    instance: int
+    seen_item: int
     truncated: int
 
 
@@ -122,6 +120,5 @@ def add_sample(before: Tally, sample: Sample, is_complete: bool) -> Tally:
     tally.scatterings = before.scatterings + wp.float64(wp.where(is_valid, sample.scatterings, 0.0))
     is_nearer = is_valid and sample.seen < before.seen
     tally.seen = wp.where(is_nearer, sample.seen, before.seen)
-    tally.prim = wp.where(is_nearer, sample.prim, before.prim)
-    tally.instance = wp.where(is_nearer, sample.instance, before.instance)
+    tally.seen_item = wp.where(is_nearer, sample.seen_item, before.seen_item)
     return tally

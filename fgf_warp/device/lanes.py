@@ -21,7 +21,11 @@ FIRST_AOVS = frozenset({"depth", "transmittance", "albedo", "optical_depth"})
 SUMMED_AOVS = ("collisions", "path_length", "normal", "motion", "optical_depth")
 """Planes of vectors that a path carries and a pixel sums, each by itself."""
 SPLIT_AOVS = frozenset({"direct", "indirect"})
-PRIM_AOVS = frozenset({"prim_id", "instance_id"})
+PRIM_AOVS = frozenset({"prim_id", "instance_id", "motion"})
+"""Planes that tell what is seen first."""
+
+NOT_SEEN = wp.constant(-1)
+FIRST_CONTAINER = wp.constant(-2)
 
 
 @wp.struct
@@ -82,9 +86,12 @@ class Path:
     first_motion: wp.vec3
     first_optical_depth: wp.vec3
     seen: float
-    """Distance of the prim that is met first, INFINITE before; and which it is."""
-    prim: int
-    instance: int
+    """Distance of the surface that is met first, or of scattering in a medium; INFINITE before."""
+    seen_item: int
+    """That surface, or FIRST_CONTAINER less the container; NOT_SEEN before."""
+    seen_at: wp.vec3
+    container: int
+    """Whose medium it scatters in, where media differ."""
     direct: wp.vec3
     """The part of `radiance` that came before a second scattering event."""
 
@@ -178,6 +185,10 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"rates": 3 if features.chromatic else 1}
     if features.aovs & FIRST_AOVS:
         sizes |= {"first_depth": 1, "first_transmittance": 3, "first_albedo": 3, "has_met_medium": 1}
+    if features.aovs & PRIM_AOVS and features.media and features.lone_law == "":
+        sizes |= {"container": 1}
+    if "motion" in features.aovs:
+        sizes |= {"seen_at": 3}
     return rows_of(sizes | own_sizes(features))
 
 
@@ -187,7 +198,7 @@ def own_sizes(features: Any) -> dict[str, int]:
     if features.aovs & SPLIT_AOVS:
         sizes |= {"direct": 3}
     if features.aovs & PRIM_AOVS:
-        sizes |= {"seen": 1, "prim": 1, "instance": 1}
+        sizes |= {"seen": 1, "seen_item": 1}
     return sizes
 
 
@@ -308,8 +319,7 @@ def build_tallies(features: Any) -> tuple[Any, Any]:
             tally.scatterings = sums[wp.static(at["scatterings"]) * LANES + i]
         if wp.static("seen" in at):
             tally.seen = float(sums[wp.static(at["seen"]) * LANES + i])
-            tally.prim = int(sums[wp.static(at["prim"]) * LANES + i])
-            tally.instance = int(sums[wp.static(at["instance"]) * LANES + i])
+            tally.seen_item = int(sums[wp.static(at["seen_item"]) * LANES + i])
         return tally
 
     @wp.func(inline=True)
@@ -339,8 +349,7 @@ def build_tallies(features: Any) -> tuple[Any, Any]:
             sums[wp.static(at["scatterings"]) * LANES + i] = tally.scatterings
         if wp.static("seen" in at):
             sums[wp.static(at["seen"]) * LANES + i] = wp.float64(tally.seen)
-            sums[wp.static(at["prim"]) * LANES + i] = wp.float64(tally.prim)
-            sums[wp.static(at["instance"]) * LANES + i] = wp.float64(tally.instance)
+            sums[wp.static(at["seen_item"]) * LANES + i] = wp.float64(tally.seen_item)
 
     return load_tally, store_tally
 
@@ -463,8 +472,11 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             path.direct = get3(lanes, wp.static(at["direct"]), i)
         if wp.static("seen" in at):
             path.seen = get(lanes, wp.static(at["seen"]), i)
-            path.prim = get_int(lanes, wp.static(at["prim"]), i)
-            path.instance = get_int(lanes, wp.static(at["instance"]), i)
+            path.seen_item = get_int(lanes, wp.static(at["seen_item"]), i)
+        if wp.static("seen_at" in at):
+            path.seen_at = get3(lanes, wp.static(at["seen_at"]), i)
+        if wp.static("container" in at):
+            path.container = get_int(lanes, wp.static(at["container"]), i)
         return path
 
     @wp.func(inline=True)
@@ -581,7 +593,10 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
             put3(lanes, wp.static(at["direct"]), i, path.direct)
         if wp.static("seen" in at):
             put(lanes, wp.static(at["seen"]), i, path.seen)
-            put_int(lanes, wp.static(at["prim"]), i, path.prim)
-            put_int(lanes, wp.static(at["instance"]), i, path.instance)
+            put_int(lanes, wp.static(at["seen_item"]), i, path.seen_item)
+        if wp.static("seen_at" in at):
+            put3(lanes, wp.static(at["seen_at"]), i, path.seen_at)
+        if wp.static("container" in at):
+            put_int(lanes, wp.static(at["container"]), i, path.container)
 
     return load, store

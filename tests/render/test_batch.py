@@ -92,8 +92,7 @@ def test_the_memory_that_an_image_is_said_to_need_is_what_it_takes(monkeypatch):
         "depth",
         "scatterings",
         "seen",
-        "prim",
-        "instance",
+        "seen_item",
         "invalid",
         "truncated",
     )
