@@ -171,10 +171,10 @@ def test_irradiance_of_intricate_lights(kind, monkeypatch):
 
 @pytest.mark.parametrize("kind", [kind for kind in INTRICATE if kind != "dome with a sun"])
 def test_intricate_lights_are_found_by_scattered_rays(kind, monkeypatch):
-    """Without connections: sees a bias of 1.5 %."""
+    """Without connections: sees a bias of 2.5 %."""
     chosen(monkeypatch, 1)
-    result = render(floor_under(INTRICATE[kind], light_links=8), replace(SETTINGS, spp=4096))
-    stats.assert_means(*stats.image_mean(result), RHO * expected_irradiance(kind) / math.pi, detects=0.015)
+    result = render(floor_under(INTRICATE[kind], light_links=8), replace(SETTINGS, spp=1536))
+    stats.assert_means(*stats.image_mean(result), RHO * expected_irradiance(kind) / math.pi, detects=0.025)
 
 
 def test_many_lights_are_all_connected_to():
