@@ -171,10 +171,10 @@ def test_irradiance_of_intricate_lights(kind, monkeypatch):
 
 @pytest.mark.parametrize("kind", [kind for kind in INTRICATE if kind != "dome with a sun"])
 def test_intricate_lights_are_found_by_scattered_rays(kind, monkeypatch):
-    """Without connections: sees a bias of 1.5 %."""
+    """Without connections: sees a bias of 2.5 %."""
     chosen(monkeypatch, 1)
-    result = render(floor_under(INTRICATE[kind], light_links=8), replace(SETTINGS, spp=4096))
-    stats.assert_means(*stats.image_mean(result), RHO * expected_irradiance(kind) / math.pi, detects=0.015)
+    result = render(floor_under(INTRICATE[kind], light_links=8), replace(SETTINGS, spp=1536))
+    stats.assert_means(*stats.image_mean(result), RHO * expected_irradiance(kind) / math.pi, detects=0.025)
 
 
 def test_many_lights_are_all_connected_to():
@@ -260,15 +260,15 @@ def block_under(light, **links) -> Scene:
 BLOCK_SETTINGS = RenderSettings(width=16, height=16, spp=4096, seed=1)
 
 
-@pytest.mark.parametrize("kind", ["dome of random bytes", "mesh"])
-def test_media_under_intricate_lights(kind, monkeypatch):
+@pytest.mark.parametrize(("kind", "detects"), [("dome of random bytes", 0.1), ("mesh", 0.15)])
+def test_media_under_intricate_lights(kind, detects, monkeypatch):
     """Connections from media, weighed, against paths that find the light: the same picture."""
     scene = block_under(INTRICATE[kind], light_links=8)
     chosen(monkeypatch, 0)
     connected = render(scene, replace(BLOCK_SETTINGS, spp=1024))
     chosen(monkeypatch, 1)
     found = render(scene, replace(BLOCK_SETTINGS, seed=2))
-    stats.assert_images_agree(connected, found, blocks=2, detects=0.1)
+    stats.assert_images_agree(connected, found, blocks=2, detects=detects)
 
 
 def test_links_of_media(monkeypatch):
