@@ -26,6 +26,7 @@ from fgf_warp.scene import (
     Solid,
     SphereLight,
     moves,
+    solids_in_tree,
 )
 from fgf_warp.settings import TRACED_AOVS, Aov, RenderSettings, Sampler
 
@@ -37,9 +38,11 @@ class RenderFeatures:
     """The categories that one kernel is built for.
 
     Args:
-        solids: which of ``sphere``, ``cube`` and ``cylinder`` there are, as surfaces or boundaries.
-        meshes: triangles: of meshes in world space, of instances, or of lights.
-        instances: meshes under transforms, which share their triangles: a second tree.
+        solids: which of ``sphere``, ``cube`` and ``cylinder`` there are, as surfaces or boundaries that are tried one
+            after the other.
+        meshes: a tree: of triangles in world space, or over instances.
+        instances: what hangs in a tree under transforms: meshes, which share their triangles, or many solids.
+        solids_in_tree: so many solids that they hang in that tree.
         motion: shapes or a camera that move while the shutter is open.
         surfaces: anything with a surface.
         shading: surfaces that are more than diffuse, vary, or have normals of their own.
@@ -70,6 +73,7 @@ class RenderFeatures:
     solids: frozenset[str]
     meshes: bool
     instances: bool
+    solids_in_tree: bool
     motion: bool
     surfaces: bool
     shading: bool
@@ -155,11 +159,15 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
     # What a path has passed through must be remembered along the ray, which only the general flight does.
     is_lone = len(media) == 1 and not media[0].is_chromatic and not passes
     lone_law = media[0].line_law.kind if is_lone else ""
+    hanging = solids_in_tree(scene.shapes)
+    tried = filled if hanging else scene.shapes
+    triangles = Mesh | MeshInstance | MeshLight
     motion = scene.camera.closing is not None or any(moves(shape) for shape in scene.shapes)
     return RenderFeatures(
-        solids=frozenset(shape.kind for shape in scene.shapes if isinstance(shape, Solid)),
-        meshes=any(isinstance(item, Mesh | MeshInstance | MeshLight) for item in (*scene.shapes, *scene.lights)),
-        instances=any(isinstance(shape, MeshInstance) for shape in scene.shapes),
+        solids=frozenset(shape.kind for shape in tried if isinstance(shape, Solid)),
+        meshes=bool(hanging) or any(isinstance(item, triangles) for item in (*scene.shapes, *scene.lights)),
+        instances=bool(hanging) or any(isinstance(shape, MeshInstance) for shape in scene.shapes),
+        solids_in_tree=bool(hanging),
         motion=motion,
         surfaces=bool(surfaces),
         shading=any(not surface.is_matte for surface in surfaces) or any(_has_normals(shape) for shape in scene.shapes),
@@ -235,13 +243,15 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
     dome_images = [dome.name for dome in domes if not dome.is_plain]
     shaped = AreaLight | SphereLight | CylinderLight | MeshLight
     lights = [*named(shaped | DistantLight), *dome_images]
+    hanging = [solid.name for solid in solids_in_tree(scene.shapes)]
     moving = [shape.name for shape in scene.shapes if moves(shape)]
     if scene.camera.closing is not None:
         moving.append(scene.camera.name)
     return (
         Reason("spheres, cubes, cylinders", bool(features.solids), _why(named(Solid))),
         Reason("meshes", features.meshes, _why(named(Mesh | MeshInstance | MeshLight))),
-        Reason("instances", features.instances, _why(named(MeshInstance))),
+        Reason("instances", features.instances, _why([*named(MeshInstance), *hanging])),
+        Reason("solids in a tree", features.solids_in_tree, _why(hanging)),
         Reason("motion", features.motion, _why(moving)),
         Reason("surfaces", features.surfaces, _why([s.name for s in scene.shapes if s.surface is not None])),
         Reason(

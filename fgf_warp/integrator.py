@@ -811,6 +811,8 @@ def build_program(features: RenderFeatures) -> Program:
         step = 2.0 * OFFSET * coordinate_reach(before.origin, 2.0 * before.hit.t)
         path.start.slack = wp.where(meets_surface, step, wp.where(scatters_in_medium, 0.0, before.start.slack))
         path.crossings = before.crossings + wp.where(crosses, 1, 0)
+        if wp.static(passes):
+            path.crossings = path.crossings + before.passes
         return path
 
     @wp.func(inline=True)

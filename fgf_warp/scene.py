@@ -537,6 +537,11 @@ class Surface:
         return not (self.inputs or shines or self.may_be_transparent)
 
     @property
+    def emits(self) -> bool:
+        """True where it may glow."""
+        return self.emission != BLACK
+
+    @property
     def may_be_transparent(self) -> bool:
         """True where some light may pass it."""
         return self.opacity != 1
@@ -684,6 +689,16 @@ class MeshInstance:
 
 Shape = Solid | Mesh | MeshInstance
 
+MANY_SOLIDS = 100
+"""More surfaces of solids than that are looked up in a tree, and are not tried one after the other."""
+
+
+def solids_in_tree(shapes: Sequence[Shape]) -> list[Solid]:
+    """Those solids that are looked up in a tree: none, or all whose surface is all there is of them."""
+    solids = [shape for shape in shapes if isinstance(shape, Solid) and shape.surface is not None]
+    bare = [solid for solid in solids if solid.medium is None]
+    return bare if len(bare) > MANY_SOLIDS else []
+
 
 MAX_CONTAINERS = 32
 """Shapes filled with a medium: one bit each in a path's state."""
@@ -717,7 +732,7 @@ class Shaping:
         _check_color("shaping", "focus_tint", self.focus_tint)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LightSource:
     """What all lights have, beside a name and a radiance.
 

@@ -12,9 +12,9 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.device import camera as camera_device
-from fgf_warp.device import drift, geometry, law, medium, numerics, phase, surfaces, tables
+from fgf_warp.device import drift, law, medium, numerics, phase, surfaces, tables
 from fgf_warp.errors import UnsupportedFeatureError
-from fgf_warp.integrator import LAW_KINDS, SOLID_KINDS, Limits, SceneData
+from fgf_warp.integrator import LAW_KINDS, Limits, SceneData
 from fgf_warp.scene import (
     MAX_CONTAINERS,
     Camera,
@@ -28,6 +28,7 @@ from fgf_warp.scene import (
     encloses,
     moves,
     shape_bounds,
+    solids_in_tree,
     unit_axes,
 )
 from fgf_warp.settings import Aov, RenderSettings
@@ -35,14 +36,7 @@ from fgf_warp.theory import fbm, kernels
 from fgf_warp.theory.law import LineLaw
 from fgf_warp.theory.mixture import RateMixture, mix_exact_rates, mix_rates
 from fgf_warp.upload_lights import build_device_lights, connected_lights
-from fgf_warp.upload_meshes import (
-    build_device_meshes,
-    is_open,
-    number_containers,
-    number_motions,
-    number_surfaces,
-    upload_structs,
-)
+from fgf_warp.upload_meshes import build_device_meshes, is_open, upload_solids
 from fgf_warp.upload_shading import build_device_shading, indices_of_refraction
 
 EXTINCTION_FLOOR = 1e-30
@@ -90,14 +84,15 @@ def upload(
         raise UnsupportedFeatureError(
             f"{scene.source}: {len(containers)} shapes are filled with media; accepted: at most {MAX_CONTAINERS}"
         )
-    solids = [shape for shape in shapes if isinstance(shape, Solid)]
+    hanging = set(solids_in_tree(shapes))
+    solids = [shape for shape in shapes if isinstance(shape, Solid) and shape not in hanging]
     rows = LawTables()
     media = [_medium(item, index, scene, rows) for own in media_of_images for index, item in enumerate(own)]
 
     data = SceneData()
     data.camera = _camera(scene.camera, settings.width, settings.height)
     data.environment = wp.vec3(*_environment(scene))
-    data.solids = _upload_solids(shapes, device)
+    data.solids = upload_solids(solids, shapes, device)
     filled = [k for k, solid in enumerate(solids) if solid.medium is not None]
     data.lone_solid = filled[0] if filled else -1
     data.meshes = build_device_meshes(shapes, connected_lights(scene), device)
@@ -279,24 +274,6 @@ def _drifts(shapes: Sequence[Shape], device: str) -> wp.array:
             moved = drift_of(shape)
             row["slope"], row["offset"] = moved[:3, :3], moved[:3, 3]
     return wp.array(rows, dtype=struct, device=device)
-
-
-def _upload_solids(shapes: Sequence[Shape], device: str) -> wp.array:
-    surface_of, container_of, motion_of = number_surfaces(shapes), number_containers(shapes), number_motions(shapes)
-    solids = [shape for shape in shapes if isinstance(shape, Solid)]
-    to_object = np.linalg.inv(np.array([solid.object_to_world for solid in solids]).reshape(-1, 4, 4))
-    return upload_structs(
-        geometry.Solid,
-        device,
-        kind=[SOLID_KINDS[solid.kind] for solid in solids],
-        to_object=to_object[:, :3, :3],
-        to_object_offset=to_object[:, :3, 3],
-        surface=[surface_of.get(solid, -1) for solid in solids],
-        is_open=[is_open(solid) for solid in solids],
-        container=[container_of.get(solid, -1) for solid in solids],
-        shadow_links=[solid.shadow_links for solid in solids],
-        motion=[motion_of.get(solid, -1) for solid in solids],
-    )
 
 
 def _surface(shape: Shape) -> Any:

@@ -10,7 +10,8 @@ import warp as wp
 
 from fgf_warp.bvh import BoxTree, build_box_tree, build_wide_tree, join_trees
 from fgf_warp.device import bvh, geometry
-from fgf_warp.scene import Light, Mesh, MeshInstance, MeshLight, Shape, Solid, shape_bounds
+from fgf_warp.integrator import SOLID_KINDS
+from fgf_warp.scene import Light, Mesh, MeshInstance, MeshLight, Shape, Solid, solids_in_tree
 
 INSTANCE_MARGIN = 1e-6
 """Of an instance's box, relative to the coordinates on the way into its space: amply more than is rounded there."""
@@ -26,20 +27,22 @@ def build_device_meshes(shapes: Sequence[Shape], lights: Sequence[Light], device
     """
     meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
     instances = [shape for shape in shapes if isinstance(shape, MeshInstance)]
+    hanging = solids_in_tree(shapes)
+    items: list[MeshInstance | Solid] = [*instances, *hanging]
     index_of_light = {light: index for index, light in enumerate(lights) if isinstance(light, MeshLight)}
     # What instances share is known by its arrays.
     shared = {_arrays_of(instance): instance.mesh for instance in instances}
 
     in_world = [*map(_corners, meshes), *(light.corners.astype(np.float32) for light in index_of_light)]
     trees = [build_wide_tree(in_world), *(build_wide_tree([_corners(mesh)]) for mesh in shared.values())]
-    joined, roots = join_trees(trees, _tree_over(instances) if instances else None)
+    joined, roots = join_trees(trees, _tree_over(items) if items else None)
     result = bvh.Bvh()
     result.boxes = wp.array(joined.boxes, dtype=bvh.vec8, device=device)
     result.children = wp.array(joined.children, dtype=bvh.vec8i, device=device)
     result.triangles = wp.array(joined.triangles, dtype=bvh.vec8, device=device)
     result.owners = wp.array(joined.owners, dtype=bvh.vec8i, device=device)
     result.faces = wp.array(joined.faces, dtype=bvh.vec8i, device=device)
-    result.world, result.top = roots[0], roots[-1] if instances else int(bvh.NONE)
+    result.world, result.top = roots[0], roots[-1] if items else int(bvh.NONE)
 
     surface_of, container_of, motion_of = number_surfaces(shapes), number_containers(shapes), number_motions(shapes)
     owners: list[Any] = [*meshes, *index_of_light, *instances]
@@ -53,16 +56,17 @@ def build_device_meshes(shapes: Sequence[Shape], lights: Sequence[Light], device
         shadow_links=[0 if isinstance(owner, MeshLight) else owner.shadow_links for owner in owners],
     )
     root_of = dict(zip(shared, roots[1:], strict=False))
-    placed = _matrices([instance.object_to_world for instance in instances])
+    placed = _matrices([item.object_to_world for item in items])
     result.instances = upload_structs(
         bvh.Instance,
         device,
-        root=[root_of[_arrays_of(instance)] for instance in instances],
-        owner=len(in_world) + np.arange(len(instances)),
-        motion=[motion_of.get(instance, -1) for instance in instances],
+        root=[*(root_of[_arrays_of(instance)] for instance in instances), *range(-1, -1 - len(hanging), -1)],
+        owner=[*range(len(in_world), len(owners)), *(-1 for _ in hanging)],
+        motion=[motion_of.get(item, -1) for item in items],
         to_object=np.linalg.inv(placed[:, :3, :3]),
         position=placed[:, :3, 3],
     )
+    result.solids = upload_solids(hanging, shapes, device)
     opening = _matrices([shape.object_to_world for shape in motion_of])
     closing = _matrices([shape.closing for shape in motion_of if shape.closing is not None])
     result.motions = upload_structs(
@@ -105,11 +109,32 @@ def upload_structs(dtype: Any, device: str, **fields: Any) -> wp.array:
     return wp.array(rows, dtype=dtype, device=device)
 
 
-def bound_instances(instances: Sequence[MeshInstance]) -> tuple[np.ndarray, np.ndarray]:
+def upload_solids(solids: Sequence[Solid], shapes: Sequence[Shape], device: str) -> wp.array:
+    """The device's view of some of the shapes, whose surfaces, containers and motions are numbered in their order."""
+    surface_of, container_of, motion_of = number_surfaces(shapes), number_containers(shapes), number_motions(shapes)
+    to_object = np.linalg.inv(_matrices([solid.object_to_world for solid in solids]))
+    return upload_structs(
+        geometry.Solid,
+        device,
+        kind=[SOLID_KINDS[solid.kind] for solid in solids],
+        to_object=to_object[:, :3, :3],
+        to_object_offset=to_object[:, :3, 3],
+        surface=[surface_of.get(solid, -1) for solid in solids],
+        is_open=[is_open(solid) for solid in solids],
+        container=[container_of.get(solid, -1) for solid in solids],
+        shadow_links=[solid.shadow_links for solid in solids],
+        motion=[motion_of.get(solid, -1) for solid in solids],
+    )
+
+
+def bound_instances(instances: Sequence[MeshInstance | Solid]) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest corners, (n, 3) float32 each, of boxes that hold instances wherever they move."""
-    shared = {_arrays_of(instance): instance.mesh for instance in instances}
-    bounds_of = {key: shape_bounds(mesh) for key, mesh in shared.items()}
-    bounds = np.array([bounds_of[_arrays_of(instance)] for instance in instances])
+    bounds_of: dict[Any, Any] = {}
+    for instance in instances:
+        if isinstance(instance, MeshInstance):
+            bounds_of.setdefault(_arrays_of(instance), instance.mesh.bounds)
+    unit = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
+    bounds = np.array([unit if isinstance(item, Solid) else bounds_of[_arrays_of(item)] for item in instances])
     middle, half, reach = bounds.mean(axis=1), np.ptp(bounds, axis=1) / 2, np.abs(bounds).max(axis=1)
     opening = [instance.object_to_world for instance in instances]
     closing = [instance.object_to_world if instance.closing is None else instance.closing for instance in instances]
@@ -124,7 +149,7 @@ def bound_instances(instances: Sequence[MeshInstance]) -> tuple[np.ndarray, np.n
     return np.nextafter(low.astype(np.float32), -np.inf), np.nextafter(high.astype(np.float32), np.inf)
 
 
-def _tree_over(instances: Sequence[MeshInstance]) -> BoxTree:
+def _tree_over(instances: Sequence[MeshInstance | Solid]) -> BoxTree:
     return build_box_tree(*bound_instances(instances), leaf=1)
 
 

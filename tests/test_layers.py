@@ -33,7 +33,7 @@ ALLOWED = {
         "fgf_warp.upload_meshes",
         "fgf_warp.upload_shading",
     ),
-    "fgf_warp.upload_meshes": ("fgf_warp.bvh", "fgf_warp.device", "fgf_warp.scene"),
+    "fgf_warp.upload_meshes": ("fgf_warp.bvh", "fgf_warp.device", "fgf_warp.integrator", "fgf_warp.scene"),
     "fgf_warp.upload_shading": (
         "fgf_warp.device",
         "fgf_warp.scene",

@@ -23,7 +23,9 @@ from fgf_warp.device.geometry import (
     Hit,
     Motion,
     Placement,
+    Solid,
     Start,
+    build_meet_solid,
     casts_shadow,
     coordinate_reach,
     is_inside,
@@ -77,10 +79,10 @@ class Mesh:
 
 @wp.struct
 class Instance:
-    """A mesh under a transform."""
+    """A mesh under a transform, or a solid."""
 
     root: int
-    """Of its mesh's tree."""
+    """Of its mesh's tree; or -1 - the index of the solid."""
     owner: int
     """Index of what its triangles are."""
     motion: int
@@ -130,6 +132,8 @@ class Bvh:
     """Root of the tree over the instances, or `NONE`."""
     instances: wp.array(dtype=Instance)
     motions: wp.array(dtype=Motion)
+    solids: wp.array(dtype=Solid)
+    """Those among the instances."""
 
 
 @wp.func
@@ -324,7 +328,7 @@ def build_intersect_meshes(features: Any) -> Any:
     the path can meet.
     """
     has_light_triangles = "mesh" in features.shaped_lights
-    place_instance = build_place_instance(features)
+    place_instance, meet_solid = build_place_instance(features), build_meet_solid(features)
     # A tree over instances, a tree below it, and what stands for the ends of both and of the world's triangles.
     places = 2 * LEVELS_PLACES + 3 if features.instances else LEVELS_PLACES + 1
     depth_bits = wp.constant(255 if features.instances else 127)
@@ -401,19 +405,26 @@ def build_intersect_meshes(features: Any) -> Any:
                 ray = aim(origin, direction)
                 t_least = t_least_of_world
             elif wp.static(features.instances) and is_among and node < 0:
-                is_among = False
-                instance = -1 - node
-                place = place_instance(bvh, instance, start.time)
-                ray = aim_at_instance(place, origin, direction)
-                # Of coordinates in its space; distances along the ray are those of the world.
-                speed = wp.length(ray.direction)
-                rounding = ROUNDING * coordinate_reach(ray.origin, begin * speed)
-                t_least = t_least_of_world - FLATTEST * rounding / speed
-                waiting[depth & depth_bits] = LEAVE
-                waiting_t[depth & depth_bits] = -INFINITE
-                depth += 1
-                node = bvh.instances[instance].root
-                continue
+                root = bvh.instances[-1 - node].root
+                if wp.static(features.solids_in_tree) and root < 0:
+                    nearer = meet_solid(bvh.solids[-1 - root], bvh.motions, origin, direction, start, hit)
+                    if nearer.t < hit.t:
+                        hit = nearer
+                        hit_leaf = -1
+                else:
+                    is_among = False
+                    instance = -1 - node
+                    place = place_instance(bvh, instance, start.time)
+                    ray = aim_at_instance(place, origin, direction)
+                    # Of coordinates in its space; distances along the ray are those of the world.
+                    speed = wp.length(ray.direction)
+                    rounding = ROUNDING * coordinate_reach(ray.origin, begin * speed)
+                    t_least = t_least_of_world - FLATTEST * rounding / speed
+                    waiting[depth & depth_bits] = LEAVE
+                    waiting_t[depth & depth_bits] = -INFINITE
+                    depth += 1
+                    node = root
+                    continue
             elif node >= 0:
                 entries, met = enter_boxes(boxes, node * NODE_FLOATS, ray, t_least, hit.t * BOX_SLACK)
                 if met != 0:

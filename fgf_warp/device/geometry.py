@@ -296,13 +296,35 @@ def solid_span(solid: Solid, kind: int, origin: wp.vec3, direction: wp.vec3) -> 
     return solid_interval(kind, o, d)
 
 
-def build_intersect_solids(features: Any) -> Any:
-    """The function that meets a ray with the solids of a scene of these features.
+def build_meet_solid(features: Any) -> Any:
+    """The function that meets a ray with a solid in a scene of these features.
 
-    It has the arguments (solids, motions, origin, direction, start, nearest), and gives `nearest`, or the solid before
-    it.
+    It has the arguments (solid, motions, origin, direction, start, nearest), and gives `nearest`, or the solid where it
+    is before that.
     """
     meet_surface = meet_open_surface if features.passes else meet_solid_surface
+
+    @wp.func
+    def meet_solid(
+        solid: Solid, motions: wp.array(dtype=Motion), origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
+    ) -> Hit:
+        placed = solid
+        if wp.static(features.motion):
+            placed = solid_at(solid, motions, start.time)
+        span = solid_span(placed, placed.kind, origin, direction)
+        if placed.surface < 0:
+            return meet_solid_boundary(placed, span, start, nearest)
+        if wp.static(features.links):
+            if not casts_shadow(placed.shadow_links, start.casters):
+                return nearest
+        return meet_surface(placed, span, origin, direction, start, nearest)
+
+    return meet_solid
+
+
+def build_intersect_solids(features: Any) -> Any:
+    """The same for all of the solids that are tried one after the other, an array in the place of one."""
+    meet_solid = build_meet_solid(features)
 
     @wp.func
     def intersect_solids(
@@ -315,18 +337,7 @@ def build_intersect_solids(features: Any) -> Any:
     ) -> Hit:
         hit = nearest
         for i in range(solids.shape[0]):
-            solid = solids[i]
-            if wp.static(features.motion):
-                solid = solid_at(solid, motions, start.time)
-            span = solid_span(solid, solid.kind, origin, direction)
-            if solid.surface >= 0:
-                if wp.static(features.links):
-                    if casts_shadow(solid.shadow_links, start.casters):
-                        hit = meet_surface(solid, span, origin, direction, start, hit)
-                else:
-                    hit = meet_surface(solid, span, origin, direction, start, hit)
-            else:
-                hit = meet_solid_boundary(solid, span, start, hit)
+            hit = meet_solid(solids[i], motions, origin, direction, start, hit)
         return hit
 
     return intersect_solids

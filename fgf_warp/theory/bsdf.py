@@ -16,7 +16,7 @@ radiance, L / n^2, which refraction leaves as it is.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -33,6 +33,8 @@ ALBEDO_COLUMNS = 65
 ALBEDO_ERROR, GRAZING_ALBEDO_ERROR = 5e-3, 3e-2
 """Of what a table gives between its rows and columns, and so of the energy of a lobe: at cosines above 0.1, and at any.
 Over light from everywhere it is below 1e-3."""
+FRESNEL_NODES = 1 << 14
+"""Of the average of a reflectance, which may have an edge."""
 LEAST_COSINE = 1e-4
 """At which the first column stands for grazing light."""
 LEAST_LOSS = 1e-6
@@ -66,8 +68,8 @@ def fresnel_schlick(cosine: ArrayLike, f0: ArrayLike) -> np.ndarray:
 
 def average_fresnel(eta: float) -> float:
     """`fresnel_dielectric`, averaged over light from everywhere: 2 times the integral of F mu over mu."""
-    cosines, weights = _unit_nodes(2048)
-    return float(2 * (weights * cosines * fresnel_dielectric(cosines, eta)).sum())
+    cosines = (np.arange(FRESNEL_NODES) + 0.5) / FRESNEL_NODES
+    return float(2 * (cosines * fresnel_dielectric(cosines, eta)).mean())
 
 
 def refract(wo: np.ndarray, h: np.ndarray, eta: ArrayLike) -> np.ndarray:
@@ -180,7 +182,7 @@ class Albedo:
         return interpolate_row(self.averages, roughness)
 
     def products(self, other: Albedo) -> np.ndarray:
-        """(ALBEDO_ROWS, ALBEDO_ROWS) averages of this albedo, of the first roughness, times another's, of the second."""
+        """(ALBEDO_ROWS, ALBEDO_ROWS) averages of this, of the first roughness, times another, of the second."""
         return (self.values * cosine_weights()) @ other.values.T
 
 
@@ -212,53 +214,64 @@ def cosine_weights() -> np.ndarray:
     return result
 
 
-Reflectance = Callable[[np.ndarray], np.ndarray]
-
-
 @cache
 def ggx_albedo() -> tuple[Albedo, Albedo]:
     """Of one reflection: by facets that reflect everything, and by facets that reflect (1 - cos)^5."""
-    return _tabulate(lambda cosine: np.ones_like(cosine)), _tabulate(lambda cosine: (1 - cosine) ** 5)
+    cosine, seen = _reflections()
+    return Albedo(seen.sum(axis=-1)), Albedo(((1 - cosine) ** 5 * seen).sum(axis=-1))
 
 
 @cache
 def dielectric_albedo(ior: float) -> Albedo:
     """Of one reflection by facets of a dielectric."""
-    return _tabulate(lambda cosine: fresnel_dielectric(cosine, ior))
+    cosine, seen = _reflections()
+    return Albedo((fresnel_dielectric(cosine, ior) * seen).sum(axis=-1) if ior != 1 else np.zeros(seen.shape[:2]))
 
 
 @cache
 def glass_albedo(eta: float) -> Albedo:
     """Of one reflection or refraction by facets of a dielectric that light may enter."""
-    return _tabulate(lambda cosine: fresnel_dielectric(cosine, eta), eta)
+    rows = []
+    # More nodes, for total reflection begins at an edge.
+    for alpha, wo, h, cosine, weights in _facets(32, 48):
+        reflectance = fresnel_dielectric(cosine, eta)
+        wi, beyond = 2 * cosine[..., None] * h - wo, refract(wo, h, eta)
+        reflected = np.where(wi[..., 2] > 0, reflectance * _seen(alpha, wo, wi), 0)
+        refracted = np.where(beyond[..., 2] < 0, (1 - reflectance) * _seen(alpha, wo, beyond), 0)
+        rows.append((reflected + refracted) @ weights)
+    return Albedo(np.array(rows))
 
 
-def _tabulate(fresnel: Reflectance, eta: float | None = None) -> Albedo:
-    """Averages over visible normals of reflectance times G2 / G1, and of transmittance likewise."""
-    azimuths, azimuth_weights = _unit_nodes(16)
-    heights, height_weights = _unit_nodes(40)
+@cache
+def _reflections() -> tuple[np.ndarray, np.ndarray]:
+    """Of each row and column, cosines on visible facets, and the weights of what they reflect, (.., .., nodes)."""
+    rows = []
+    for alpha, wo, h, cosine, weights in _facets(12, 32):
+        wi = 2 * cosine[..., None] * h - wo
+        rows.append((cosine, np.where(wi[..., 2] > 0, weights * _seen(alpha, wo, wi), 0)))
+    cosines, seen = zip(*rows, strict=True)
+    return np.array(cosines, dtype=np.float32), np.array(seen, dtype=np.float32)
+
+
+def _facets(
+    azimuth_count: int, height_count: int
+) -> Iterator[tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+    """Row by row: alpha, directions, normals that each sees, the cosines between them, and their weights."""
+    azimuths, azimuth_weights = _unit_nodes(azimuth_count)
+    heights, height_weights = _unit_nodes(height_count)
     xi1, xi2 = (x.ravel() for x in np.meshgrid(azimuths / 2, heights, indexing="ij"))
     weights = np.outer(azimuth_weights, height_weights).ravel()
     cosines = np.maximum((np.arange(ALBEDO_COLUMNS) / (ALBEDO_COLUMNS - 1)) ** 2, LEAST_COSINE)[:, None]
     wo = np.stack(np.broadcast_arrays(np.sqrt(1 - cosines**2), 0.0, cosines), axis=-1)
-    rows = []
     for roughness in np.linspace(SMOOTH_ROUGHNESS, 1, ALBEDO_ROWS):
-        alpha = roughness**2
-        h = sample_visible_normal(alpha, wo, xi1, xi2)
-        cosine = np.clip((wo * h).sum(axis=-1), 0, 1)
-        reflected = fresnel(cosine)
-        lambda_o = smith_lambda(alpha, wo)
+        h = sample_visible_normal(roughness**2, wo, xi1, xi2)
+        yield roughness**2, wo, h, np.clip((wo * h).sum(axis=-1), 0, 1), weights
 
-        def seen(wi: np.ndarray, alpha: float = alpha, lambda_o: np.ndarray = lambda_o) -> np.ndarray:
-            return (1 + lambda_o) / (1 + lambda_o + smith_lambda(alpha, wi))
 
-        wi = 2 * cosine[..., None] * h - wo
-        passed = np.where(wi[..., 2] > 0, reflected * seen(wi), 0)
-        if eta is not None:
-            wt = refract(wo, h, eta)
-            passed += np.where(wt[..., 2] < 0, (1 - reflected) * seen(wt), 0)
-        rows.append(passed @ weights)
-    return Albedo(np.array(rows))
+def _seen(alpha: float, wo: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """G2 / G1: of what leaves visible facets, the share that leaves the surface."""
+    lambda_o = smith_lambda(alpha, wo)
+    return (1 + lambda_o) / (1 + lambda_o + smith_lambda(alpha, w))
 
 
 def _row(roughness: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -271,6 +284,7 @@ def _place(x: ArrayLike, count: int) -> tuple[np.ndarray, np.ndarray]:
     return row, scaled - row
 
 
+@cache
 def _unit_nodes(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Gauss-Legendre nodes and weights on [0, 1]."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
@@ -370,7 +384,8 @@ class Bsdf:
 
         coat = float(dielectric.average(self.clearcoat_roughness))
         if self.specular is None:
-            single, shared = dielectric.average(self.roughness), with_coat(dielectric)
+            single = np.full(3, dielectric.average(self.roughness))
+            shared = np.full(3, with_coat(dielectric))
         else:
             f0 = np.array(self.specular)
             tips = float(tip.average(self.roughness))

@@ -7,11 +7,11 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.device import bvh, lights, rng, surfaces
-from fgf_warp.device.geometry import MISS, Hit, Start
+from fgf_warp.device.geometry import MISS, Hit, Solid, Start, build_intersect_solids
 from fgf_warp.device.numerics import INFINITE
 from fgf_warp.device.options import kernel_options
 from fgf_warp.integrator import LIGHT_KINDS
-from fgf_warp.upload_meshes import build_device_meshes
+from fgf_warp.upload_meshes import build_device_meshes, upload_solids
 
 wp.set_module_options(kernel_options(meshes=True))
 
@@ -22,13 +22,15 @@ class TreeFeatures:
 
     faces: bool = False
     instances: bool = False
+    solids_in_tree: bool = False
     motion: bool = False
     links: bool = False
+    passes: bool = False
     shaped_lights: frozenset[str] = frozenset()
 
 
 PLAIN = TreeFeatures()
-RICH = TreeFeatures(True, True, True, True, frozenset({"mesh"}))
+RICH = TreeFeatures(True, True, True, True, True, True, frozenset({"mesh"}))
 
 
 @wp.kernel
@@ -109,12 +111,13 @@ def lattice_kernel(seed: wp.uint64, bounce: int, purpose: int, out: wp.array2d(d
 
 
 @cache
-def meet_meshes_kernel(features):
-    intersect_meshes = bvh.build_intersect_meshes(features)
+def meet_kernel(features, tries_solids):
+    intersect_meshes, intersect_solids = bvh.build_intersect_meshes(features), build_intersect_solids(features)
 
     @wp.kernel(module="unique", module_options=kernel_options(meshes=True))
     def kernel(
         tree: bvh.Bvh,
+        solids: wp.array(dtype=Solid),
         origin: wp.array(dtype=wp.vec3),
         direction: wp.array(dtype=wp.vec3),
         start: Start,
@@ -129,6 +132,8 @@ def meet_meshes_kernel(features):
         i = wp.tid()
         nearest = Hit()
         nearest.t = 1.0e30
+        if wp.static(tries_solids):
+            nearest = intersect_solids(solids, tree.motions, origin[i], direction[i], start, nearest)
         hit = intersect_meshes(tree, origin[i], direction[i], start, nearest)
         t[i] = wp.where(hit.kind == MISS, -1.0, hit.t)
         kind[i] = hit.kind
@@ -154,9 +159,9 @@ class MeshHits:
     normal: np.ndarray
 
 
-def hit_meshes(shapes, origin, direction, *, lights=(), kept=PLAIN, inside=0, **start) -> MeshHits:
-    """What rays meet of meshes, by the traversal that is built for the features `kept`."""
-    tree = build_device_meshes(shapes, lights, "cpu")
+def hit_meshes(shapes, origin, direction, *, lights=(), kept=PLAIN, inside=0, tried=(), **start) -> MeshHits:
+    """What rays meet of meshes and `tried` solids, by the traversal that is built for the features `kept`."""
+    tree, solids = build_device_meshes([*shapes, *tried], lights, "cpu"), upload_solids(tried, [*shapes, *tried], "cpu")
     begin = Start()
     begin.inside, begin.crossed = inside, -1
     for key, value in start.items():
@@ -164,7 +169,8 @@ def hit_meshes(shapes, origin, direction, *, lights=(), kept=PLAIN, inside=0, **
     rays = [wp.array(np.asarray(x, dtype=np.float32), dtype=wp.vec3, device="cpu") for x in (origin, direction)]
     dtypes = (float, int, int, int, float, float, wp.vec3)
     found = [wp.zeros(len(rays[0]), dtype=dtype, device="cpu") for dtype in dtypes]
-    wp.launch(meet_meshes_kernel(kept), dim=len(rays[0]), inputs=[tree, *rays, begin], outputs=found, device="cpu")
+    kernel = meet_kernel(kept, bool(tried))
+    wp.launch(kernel, dim=len(rays[0]), inputs=[tree, solids, *rays, begin], outputs=found, device="cpu")
     return MeshHits(*(array.numpy() for array in found))
 
 

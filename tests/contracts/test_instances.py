@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fgf_warp.scene import Mesh, MeshInstance, Surface, encloses
+from fgf_warp.scene import MANY_SOLIDS, Mesh, MeshInstance, Solid, Surface, encloses
 from tests.contracts.device_kernels import RICH, hit_meshes
 from tests.contracts.test_bvh import directions, knot
 from tests.scenes import transform
@@ -148,6 +148,32 @@ def test_a_point_is_in_an_instance_where_it_is_in_its_mesh():
     spine = mesh.points.reshape(112, 14, 3).mean(axis=1)[5]
     assert encloses(instance, matrix[:3, :3] @ spine + matrix[:3, 3])
     assert not encloses(instance, matrix[:3, :3] @ [0, 0, 0.9] + matrix[:3, 3])
+
+
+def test_many_solids_are_met_as_one_after_the_other():
+    """Spheres, cubes and cylinders, some in motion, beside an instance and a mesh."""
+    rng = np.random.default_rng(9)
+    kinds = ("sphere", "cube", "cylinder")
+    solids = [
+        Solid(f"/{k}", kinds[k % 3], affine(rng, at=6), Surface(), closing=affine(rng, at=6) if k % 5 == 0 else None)
+        for k in range(2 * MANY_SOLIDS)
+    ]
+    others = [soup(3, surface=Surface()), MeshInstance("/instance", soup(4, surface=Surface()), affine(rng))]
+    origin, direction = rng.uniform(-8, 8, size=(20_000, 3)).astype(np.float32), directions(20_000, 2)
+    found = hit_meshes([*others, *solids], origin, direction, kept=RICH, time=0.3)
+    few = [solids[k : k + MANY_SOLIDS] for k in (0, MANY_SOLIDS)]
+    parts = [hit_meshes(others, origin, direction, kept=RICH, tried=part, time=0.3) for part in few]
+    distances = np.array([np.where(part.t < 0, np.inf, part.t) for part in parts])
+    nearest, ray = distances.argmin(axis=0), np.arange(20_000)
+    met = found.t >= 0
+    assert np.array_equal(met, np.isfinite(distances.min(axis=0)))
+    assert np.array_equal(found.t[met], distances.min(axis=0)[met])
+    item = np.array([part.item for part in parts])[nearest, ray]
+    item += np.where(item > 1, nearest * MANY_SOLIDS, 0)
+    assert len(np.unique(item[met])) > 100
+    assert np.array_equal(found.item[met], item[met])
+    assert np.array_equal(found.normal[met], np.array([part.normal for part in parts])[nearest, ray][met])
+    assert np.all(found.face[met & (found.item > 1)] == -1)
 
 
 MEASURE = """

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from fgf_warp import scene as scene_module
 from fgf_warp.features import required_features
 from fgf_warp.renderer import render
 from fgf_warp.scene import DistantLight, Mesh, MeshInstance, Solid, Surface
@@ -124,3 +125,18 @@ def test_a_camera_that_a_medium_moves_over(kind):
     # Of 1 - 2 t of the block it looks out through the lower face.
     within = quad(lambda t: transmittance(scene.media[0], 1 - 2 * t), 0, 0.5)[0]
     stats.assert_means(*stats.image_mean(render(scene, SETTINGS)), within + 0.5, detects=0.02)
+
+
+def test_many_solids_look_the_same_in_the_tree_as_one_after_the_other(monkeypatch):
+    rng = np.random.default_rng(3)
+    kinds = ("sphere", "cube", "cylinder")
+    shapes = tuple(
+        Solid(f"/{k}", kinds[k % 3], transform(0.15, rng.uniform(-1.5, 1.5, size=3)), Surface((0.8, 0.6, 0.4)))
+        for k in range(scene_module.MANY_SOLIDS + 1)
+    )
+    scene = replace(furnace(fills_view=False), shapes=shapes, media=())
+    assert required_features(scene, SETTINGS).solids_in_tree
+    in_tree = render(scene, replace(SETTINGS, seed=1))
+    monkeypatch.setattr(scene_module, "MANY_SOLIDS", len(shapes))
+    assert not required_features(scene, SETTINGS).solids_in_tree
+    stats.assert_images_agree(in_tree, render(scene, replace(SETTINGS, seed=2)), blocks=4, detects=0.05)

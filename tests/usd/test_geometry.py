@@ -7,7 +7,7 @@ import pytest
 from pxr import Usd, UsdGeom
 
 from fgf_warp.errors import SceneError
-from fgf_warp.scene import shape_bounds
+from fgf_warp.scene import count_open_edges, shape_bounds
 from usd_scenes.reader import read_stage
 from usd_scenes.reader.triangulation import cut_faces, signed_volume
 
@@ -215,3 +215,79 @@ def test_faces_of_mixed_size_are_all_kept() -> None:
     triangles = indices[cut_faces(points, counts, indices)]
     assert len(triangles) == 2 + 1 + 3
     assert polygon_area(points, triangles)[1] == pytest.approx(1 + 0.5 + 1.5)
+
+
+def test_a_primvar_of_an_unknown_interpolation_is_left_out(read) -> None:
+    prim = """def Mesh "Shape"
+{
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+    color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0), (0, 0, 1)] (
+        interpolation = "Surface"
+    )
+}
+"""
+    accepted = "constant, uniform, varying, vertex, faceVarying"
+    text = f"primvar of interpolation 'Surface' is left out; accepted: {accepted}: /Shape.primvars:displayColor"
+    assert text in read(prim).warnings
+
+
+REVOLVED = [
+    # prim type, attributes, volume, lowest and highest corner for the axis Z
+    ("Cone", "", 2 * np.pi / 3, (-1, -1, -1), (1, 1, 1)),
+    ("Cone", "double radius = 2\ndouble height = 3", 4 * np.pi, (-2, -2, -1.5), (2, 2, 1.5)),
+    ("Cylinder_1", "double radiusBottom = 2", 14 * np.pi / 3, (-2, -2, -1), (2, 2, 1)),
+    ("Cylinder_1", "double radiusTop = 0", 2 * np.pi / 3, (-1, -1, -1), (1, 1, 1)),
+    ("Capsule", "", np.pi * (1 / 4 + 4 / 3 / 8), (-0.5, -0.5, -1), (0.5, 0.5, 1)),
+    ("Capsule", "double radius = 1\ndouble height = 0", 4 * np.pi / 3, (-1, -1, -1), (1, 1, 1)),
+    (
+        "Capsule_1",
+        "double radiusTop = 1\ndouble radiusBottom = 2\ndouble height = 3",
+        np.pi * (7 + 18 / 3),
+        (-2, -2, -3.5),
+        (2, 2, 2.5),
+    ),
+]
+
+
+@pytest.mark.parametrize("axis", ["X", "Y", "Z"])
+@pytest.mark.parametrize(("kind", "lines", "volume", "low", "high"), REVOLVED)
+def test_shapes_of_revolution(read, axis: str, kind: str, lines: str, volume: float, low: tuple, high: tuple) -> None:
+    reading = read(f'def {kind} "S"\n{{\n uniform token axis = "{axis}"\n{lines}\n}}')
+    (mesh,) = reading.scene.shapes
+    turn = {"Z": 0, "X": 1, "Y": 2}[axis]
+    np.testing.assert_allclose(shape_bounds(mesh), (np.roll(low, turn), np.roll(high, turn)), atol=1e-12)
+    assert count_open_edges(mesh.points, mesh.triangles) == 0
+    found = signed_volume(mesh.points, mesh.triangles)
+    assert volume * (1 - 2.6e-4) < found < volume
+    # Normals are those of the shape, so within half a segment of the triangles' own.
+    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=2), 1, atol=1e-6)
+    a, b, c = (mesh.points[mesh.triangles[:, corner]] for corner in range(3))
+    flat = np.cross(b - a, c - a)
+    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+    assert np.einsum("mck,mk->mc", mesh.normals, flat).min() > np.cos(2.1 * np.pi / 256)
+
+
+@pytest.mark.parametrize(("axis", "sides"), [("X", (0, 5, 3)), ("Y", (3, 0, 5)), ("Z", (3, 5, 0))])
+def test_planes(read, axis: str, sides: tuple) -> None:
+    lines = f'double width = 3\ndouble length = 5\nuniform token axis = "{axis}"'
+    (mesh,) = read(f'def Plane "S"\n{{\n{lines}\n}}').scene.shapes
+    np.testing.assert_allclose(shape_bounds(mesh), (-np.array(sides) / 2, np.array(sides) / 2))
+    a, b, c = (mesh.points[mesh.triangles[:, corner]] for corner in range(3))
+    np.testing.assert_allclose(np.cross(b - a, c - a), np.tile(15 * np.eye(3)["XYZ".index(axis)], (2, 1)))
+
+
+def test_shapes_of_revolution_hold_media_and_mirror(read) -> None:
+    (mesh,) = read(bound("Cone", MIRROR)).scene.shapes
+    assert mesh.medium == 0 and mesh.normals is None
+    assert signed_volume(mesh.points, mesh.triangles) == pytest.approx(2 * 2 * np.pi / 3, rel=2e-4)
+
+
+def test_solids_have_display_colors_from_above(read) -> None:
+    color = 'color3f[] primvars:displayColor = [(1, 0, 0)] (\n interpolation = "constant"\n)'
+    opacity = "float[] primvars:displayOpacity = [0.25]"
+    prims = f'def Xform "X"\n{{\n{color}\n def Cone "A"\n{{\n}}\ndef Sphere "B"\n{{\n{opacity}\n}}\n}}'
+    cone, sphere = read(prims).scene.shapes
+    assert cone.surface.diffuse == sphere.surface.diffuse == (1, 0, 0)
+    assert (cone.surface.opacity, sphere.surface.opacity) == (1, 0.25)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, cast
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import PrimvarInput, Rgb, Surface
@@ -18,13 +18,32 @@ def display_surface(prim: Usd.Prim, context: StageContext) -> Surface:
     Raises:
         SceneError: for values out of [0, 1].
     """
-    shape = prim.GetParent() if prim.IsA(UsdGeom.Subset) else prim
+    shape = _shape_of(prim)
     found: dict[str, Any] = {
         field: value
         for field, name, width in (("diffuse", "displayColor", 3), ("opacity", "displayOpacity", 1))
         if (value := _display_input(shape, name, width, context)) is not None
     }
     return Surface(**found)
+
+
+def display_sources(prim: Usd.Prim) -> tuple[object, ...]:
+    """What the display surface of a prim depends on; equal for instances that have it from one prototype."""
+    shape = _shape_of(prim)
+    primvars = UsdGeom.PrimvarsAPI(shape)
+    found = [primvars.FindPrimvarWithInheritance(name) for name in ("displayColor", "displayOpacity")]
+    return shape.IsA(UsdGeom.Mesh), *(_place(primvar.GetAttr()) if primvar else None for primvar in found)
+
+
+def _place(attribute: Usd.Attribute) -> Sdf.Path:
+    prim = attribute.GetPrim()
+    owner = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+    return owner.GetPath().AppendProperty(attribute.GetName())
+
+
+def _shape_of(prim: Usd.Prim) -> Usd.Prim:
+    """The prim, or the mesh of a GeomSubset."""
+    return prim.GetParent() if prim.IsA(UsdGeom.Subset) else prim
 
 
 def _display_input(shape: Usd.Prim, name: str, width: int, context: StageContext) -> PrimvarInput | Rgb | float | None:

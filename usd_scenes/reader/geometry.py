@@ -23,8 +23,8 @@ AXIS_TURNS = {
 }
 """Rotations that take the canonical cylinder's axis z to the named one."""
 SEGMENTS = 256
-"""Around a tessellated shape, which is then nowhere more than 1 - cos(pi / 256) = 7.5e-5 of its radius inside the true
-one, and by 1.0e-4 of its volume smaller."""
+"""Around a tessellated shape, which is then nowhere more than 1 - cos(pi / 256)^2 = 1.5e-4 of its radius inside the
+true one, and by less than 2.6e-4 of its volume smaller."""
 
 
 def read_solid(prim: Usd.Prim, context: StageContext) -> Canonical | None:
@@ -132,30 +132,36 @@ def _revolved(profile: list[list[tuple[float, float]]], prim: Usd.Prim, context:
         context: the stage.
     """
     outline = np.array([point for part in profile for point in part])
-    parts = np.repeat(np.arange(len(profile)), [len(part) for part in profile])
     slopes = np.concatenate([_outward(np.array(part)) for part in profile])
-    turns = np.arange(SEGMENTS + 1) * (2 * np.pi / SEGMENTS)
-    turns[-1] = 0
-    around = np.stack([np.cos(turns), np.sin(turns)])
+    parts = np.repeat(np.arange(len(profile)), [len(part) for part in profile])
+    turns = np.arange(SEGMENTS) * (2 * np.pi / SEGMENTS)
 
-    def ring(values: np.ndarray) -> np.ndarray:
-        """(n, SEGMENTS + 1, 3), of (n, 2) radii and heights."""
-        radial = values[:, :1, None] * around[:, None].transpose(1, 0, 2)
-        height = np.broadcast_to(values[:, 1:, None], (len(values), 1, SEGMENTS + 1))
-        return np.concatenate([radial, height], axis=1).transpose(0, 2, 1)
+    def around(values: np.ndarray) -> np.ndarray:
+        """(n, SEGMENTS, 3), of (n, 2) radii and heights."""
+        radii, heights = values.T[..., None]
+        return np.stack(np.broadcast_arrays(radii * np.cos(turns), radii * np.sin(turns), heights), axis=-1)
 
-    points, normals = ring(outline), ring(slopes)
-    rows = np.flatnonzero(parts[:-1] == parts[1:])
-    row, column = (grid.ravel() for grid in np.meshgrid(rows, np.arange(SEGMENTS), indexing="ij"))
-    low_left, low_right = row * (SEGMENTS + 1) + column, row * (SEGMENTS + 1) + column + 1
-    high_left, high_right = low_left + SEGMENTS + 1, low_right + SEGMENTS + 1
-    lower = np.stack([low_left, low_right, high_right], axis=1)[outline[row, 0] > 0]
-    upper = np.stack([low_left, high_right, high_left], axis=1)[outline[row + 1, 0] > 0]
-    corners = np.concatenate([lower, upper])
+    # Parts share the points where they meet, and there is one at each end of the axis.
+    rings, ring_of = np.unique(outline, axis=0, return_inverse=True)
+    sizes = np.where(rings[:, 0] > 0, SEGMENTS, 1)
+    starts = (np.cumsum(sizes) - sizes)[ring_of.reshape(-1)]
+    points = np.concatenate([ring[:size] for ring, size in zip(around(rings), sizes, strict=True)])
+
+    bands = np.flatnonzero(parts[:-1] == parts[1:])
+    row, column = np.repeat(bands, SEGMENTS), np.tile(np.arange(SEGMENTS), len(bands))
+    following = (column + 1) % SEGMENTS
+    low, high = outline[row, 0] > 0, outline[row + 1, 0] > 0
+    rows = np.concatenate([np.stack([row, row, row + 1], axis=1)[low], np.stack([row, row + 1, row + 1], axis=1)[high]])
+    columns = np.concatenate(
+        [
+            np.stack([column, following, following], axis=1)[low],
+            np.stack([column, following, column], axis=1)[high],
+        ]
+    )
+    triangles = starts[rows] + np.where(outline[rows, 0] > 0, columns, 0)
     turn = _axis_turn(prim, context)[:3, :3]
-    unique, places = np.unique(points.reshape(-1, 3) @ turn.T + 0.0, axis=0, return_inverse=True)
-    triangles = places.reshape(-1)[corners].astype(np.int32)
-    return Form(unique, triangles, (normals.reshape(-1, 3) @ turn.T)[corners].astype(np.float32), context)
+    normals = around(slopes)[rows, columns] @ turn.T
+    return Form(points @ turn.T, triangles.astype(np.int32), normals.astype(np.float32), context)
 
 
 def _outward(part: np.ndarray) -> np.ndarray:

@@ -52,8 +52,9 @@ def read_copies(prim: Usd.Prim, context: StageContext, around: Copies | None) ->
     instancer, path = UsdGeom.PointInstancer(prim), prim.GetPath()
     roots = instancer.GetPrototypesRel().GetForwardedTargets()
     chosen = read_array(instancer.GetProtoIndicesAttr(), context.time, np.int64)
-    if not len(chosen):
-        context.notes.add("instancer without protoIndices draws nothing", path)
+    given = {"prototypes": roots, "protoIndices": chosen, "positions": instancer.GetPositionsAttr().Get(context.time)}
+    if missing := [name for name, values in given.items() if values is None or not len(values)]:
+        context.notes.add(f"instancer without {', '.join(missing)} draws nothing", path)
         return
     _check(instancer, chosen, len(roots), context)
     is_shown = _shown(instancer, len(chosen), context)

@@ -9,7 +9,7 @@ from pxr import Usd, UsdShade
 from fgf_warp.scene import Medium, Surface
 from usd_scenes.reader import preview_surface
 from usd_scenes.reader.context import StageContext
-from usd_scenes.reader.display import display_surface
+from usd_scenes.reader.display import display_sources, display_surface
 from usd_scenes.reader.medium import ends_in_surface, has_medium, read_medium
 from usd_scenes.reader.preview_surface import read_preview_surface
 from usd_scenes.schema import SCHEMA_NAME
@@ -50,6 +50,7 @@ class MaterialReader:
     def __init__(self, context: StageContext) -> None:
         self._context = context
         self._readings: dict[object, _Reading] = {}
+        self._display_surfaces: dict[object, Surface] = {}
         self._media: list[Medium] = []
 
     @property
@@ -68,11 +69,18 @@ class MaterialReader:
         """
         material = self._bound_material(prim)
         if material is None:
-            return Look(surface=display_surface(prim, self._context), medium=None)
+            return Look(surface=self._display_surface(prim), medium=None)
         reading = self._reading_of(material)
         if reading.is_open:
             return Look(surface=None, medium=reading.medium)
-        return Look(surface=reading.surface or display_surface(prim, self._context), medium=reading.medium)
+        return Look(surface=reading.surface or self._display_surface(prim), medium=reading.medium)
+
+    def _display_surface(self, prim: Usd.Prim) -> Surface:
+        # Instances whose display color and opacity are the same attributes have them read once.
+        key = display_sources(prim)
+        if key not in self._display_surfaces:
+            self._display_surfaces[key] = display_surface(prim, self._context)
+        return self._display_surfaces[key]
 
     def _bound_material(self, prim: Usd.Prim) -> UsdShade.Material | None:
         bindings = UsdShade.MaterialBindingAPI(prim)

@@ -11,6 +11,8 @@ from usd_scenes.reader.context import StageContext
 
 INTERPOLATIONS = ("constant", "uniform", "varying", "vertex", "faceVarying")
 
+INTERPOLATIONS = ("constant", "uniform", "varying", "vertex", "faceVarying")
+
 
 @dataclass(frozen=True, eq=False)
 class Primvar:
@@ -64,7 +66,8 @@ class Polygons:
 
 def find_primvar(prim: Usd.Prim, name: str) -> UsdGeom.Primvar:
     """The primvar of a prim, or the constant one that it inherits; an invalid one where there is none with a value."""
-    return UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    found = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+    return found if found and found.HasValue() else UsdGeom.Primvar()  # displayColor is there without a value too.
 
 
 def read_primvar(primvar: UsdGeom.Primvar, polygons: Polygons, context: StageContext) -> Primvar | None:
@@ -110,6 +113,10 @@ def fitted(primvar: Primvar, polygons: Polygons, path: str, context: StageContex
     if indices is not None and len(indices) and not (indices.min() >= 0 and indices.max() < len(values)):
         span = f"[{indices.min()}, {indices.max()}]"
         context.notes.add(f"primvar with indices in {span} for {len(values)} values is left out", path)
+        return None
+    if primvar.interpolation not in INTERPOLATIONS:
+        accepted = ", ".join(INTERPOLATIONS)
+        context.notes.add(f"primvar of interpolation {primvar.interpolation!r} is left out; accepted: {accepted}", path)
         return None
     found = len(values) if indices is None else len(indices)
     expected = polygons.count_of(primvar.interpolation)

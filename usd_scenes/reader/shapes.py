@@ -79,8 +79,9 @@ class ShapeReader:
                 elif counts[id(found.form)] <= 1 and np.array_equal(*found.matrices):
                     shapes.append((path, found.part.moved(found.matrices[0][0]).mesh()))
                 else:
-                    mesh = meshes.setdefault(id(found.part), found.part.mesh())
-                    shapes.extend((path, instance) for instance in self._instances(found, mesh))
+                    if id(found.part) not in meshes:
+                        meshes[id(found.part)] = found.part.mesh()
+                    shapes.extend((path, instance) for instance in self._instances(found, meshes[id(found.part)]))
         return shapes
 
     def _solids(self, met: Met, canonical: Canonical) -> list[Solid]:

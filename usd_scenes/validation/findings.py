@@ -22,8 +22,7 @@ OF_THE_INSTALLATION = (
     "usdShadeValidators:ShaderSdrCompliance.MissingShaderIdInRegistry",
     "usdShadeValidators:ShaderSdrCompliance.MissingSourceTypeInRegistry",
 )
-"""What USD calls errors of the stage, though it only says that no shader of MaterialX or of another renderer is
-installed with it."""
+"""What USD calls errors of the stage, though it only says that no such shader of another renderer is installed."""
 OURS = "usd_scenes.validation:"
 REFUSED = "Refused"
 UNKNOWN_SHADER = "MissingShaderIdInRegistry"
@@ -104,8 +103,8 @@ def _is_of_materialx(found: UsdValidation.ValidationError) -> bool:
     """True where a shader of MaterialX is unknown because this build of USD knows none of them."""
     if found.GetName() != UNKNOWN_SHADER or "mtlx" in Sdr.Registry().GetAllShaderNodeSourceTypes():
         return False
-    shaders = (UsdShade.Shader(site.GetPrim()) for site in found.GetSites() if site.IsPrim())
-    return all((shader.GetShaderId() or "").startswith(MATERIALX_PREFIX) for shader in shaders)
+    prims = [site.GetProperty().GetPrim() if site.IsProperty() else site.GetPrim() for site in found.GetSites()]
+    return all((UsdShade.Shader(prim).GetShaderId() or "").startswith(MATERIALX_PREFIX) for prim in prims)
 
 
 def _made(

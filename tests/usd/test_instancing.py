@@ -1,0 +1,307 @@
+"""Instances stand where USD puts them and share what they are made of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom
+
+from fgf_warp.errors import SceneError
+from fgf_warp.scene import Mesh, MeshInstance, Solid
+from usd_scenes.reader import read_scene, read_stage
+from usd_scenes.reader.bounds import scene_bounds
+
+OPENUSD = "PixarAnimationStudios__OpenUSD/pxr/usdImaging/usdImagingGL/testenv"
+THIRD_PARTY = Path(__file__).resolve().parents[3] / "shared" / "usd_assets"
+NEEDS_THIRD_PARTY = pytest.mark.skipif(
+    not THIRD_PARTY.is_dir(), reason="the third-party stages of ../shared/usd_assets are not on this machine"
+)
+
+TRIANGLE = """def Mesh "M"
+        {
+            point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+            int[] faceVertexCounts = [3]
+            int[] faceVertexIndices = [0, 1, 2]
+            uniform token subdivisionScheme = "none"
+        }"""
+
+
+def instancer(stage: Usd.Stage, path: str, prototypes: list[str], count: int, seed: int) -> UsdGeom.PointInstancer:
+    """Instances of all prototypes, moved, turned and scaled."""
+    rng = np.random.default_rng(seed)
+    prim = UsdGeom.PointInstancer.Define(stage, path)
+    prim.CreatePrototypesRel().SetTargets(prototypes)
+    prim.CreateProtoIndicesAttr([int(i) for i in rng.integers(0, len(prototypes), count)])
+    prim.CreatePositionsAttr([Gf.Vec3f(*map(float, p)) for p in rng.normal(size=(count, 3))])
+    turns = [Gf.Quatf(*map(float, q / np.linalg.norm(q))) for q in rng.normal(size=(count, 4))]
+    prim.CreateOrientationsfAttr(turns)
+    prim.CreateScalesAttr([Gf.Vec3f(*map(float, s)) for s in rng.uniform(0.5, 2, size=(count, 3))])
+    return prim
+
+
+def mesh(stage: Usd.Stage, path: str) -> UsdGeom.Mesh:
+    prim = UsdGeom.Mesh.Define(stage, path)
+    prim.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (0, 1, 0)])
+    prim.CreateFaceVertexCountsAttr([3])
+    prim.CreateFaceVertexIndicesAttr([0, 1, 2])
+    prim.CreateSubdivisionSchemeAttr("none")
+    return prim
+
+
+def matrix(gf: Gf.Matrix4d) -> np.ndarray:
+    return np.array(gf).T
+
+
+def read_shapes(stage: Usd.Stage) -> tuple:
+    return read_stage(stage).scene.shapes
+
+
+def test_point_instances_are_those_of_usd() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.Xform.Define(stage, "/World").AddRotateXYZOp().Set((10, 20, 30))
+    prim = instancer(stage, "/World/P", ["/World/P/A", "/World/P/B"], 20, 1)
+    prim.AddTranslateOp().Set((1, 2, 3))
+    UsdGeom.Xform.Define(stage, "/World/P/A").AddScaleOp().Set((1, 2, 1))
+    mesh(stage, "/World/P/A/M").AddTranslateOp().Set((0, 0, 5))
+    UsdGeom.Cube.Define(stage, "/World/P/B").AddTranslateOp().Set((4, 0, 0))
+    prim.CreateIdsAttr(list(range(100, 120)))
+    prim.CreateInvisibleIdsAttr([103, 117])
+    prim.DeactivateId(105)
+
+    shapes = read_shapes(stage)
+    chosen, hidden = np.array(prim.GetProtoIndicesAttr().Get()), {3, 5, 17}
+    found = {shape.instance: shape for shape in shapes}
+    assert sorted(found) == sorted(set(range(20)) - hidden)
+    everywhere = prim.ComputeInstanceTransformsAtTime(
+        Usd.TimeCode.EarliestTime(),
+        Usd.TimeCode.EarliestTime(),
+        UsdGeom.PointInstancer.IncludeProtoXform,
+        UsdGeom.PointInstancer.IgnoreMask,
+    )
+    base = matrix(UsdGeom.XformCache().GetLocalToWorldTransform(prim.GetPrim()))
+    inner = np.eye(4)
+    inner[2, 3] = 5
+    for number, shape in found.items():
+        expected = base @ matrix(everywhere[number])
+        if chosen[number] == 0:
+            assert isinstance(shape, MeshInstance) and shape.name == "/World/P/A/M"
+            np.testing.assert_allclose(shape.object_to_world, expected @ inner, atol=1e-12)
+        else:
+            assert isinstance(shape, Solid) and shape.name == "/World/P/B"
+            np.testing.assert_allclose(shape.object_to_world, expected, atol=1e-12)
+    assert len({id(shape.mesh) for shape in shapes if isinstance(shape, MeshInstance)}) == 1
+
+
+def test_nested_instancers_multiply_and_count_in_the_outermost() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    outer = instancer(stage, "/Outer", ["/Outer/Proto"], 4, 2)
+    UsdGeom.Xform.Define(stage, "/Outer/Proto").AddTranslateOp().Set((0, 1, 0))
+    inner = instancer(stage, "/Outer/Proto/Inner", ["/Outer/Proto/Inner/M"], 3, 3)
+    inner.AddRotateZOp().Set(25.0)
+    mesh(stage, "/Outer/Proto/Inner/M")
+
+    shapes = read_shapes(stage)
+    assert [shape.instance for shape in shapes] == list(np.repeat(np.arange(4), 3))
+    time = Usd.TimeCode.EarliestTime()
+    outers = [matrix(m) for m in outer.ComputeInstanceTransformsAtTime(time, time)]
+    inners = [matrix(m) for m in inner.ComputeInstanceTransformsAtTime(time, time)]
+    turn = matrix(inner.ComputeLocalToWorldTransform(time))
+    turn = np.linalg.inv(matrix(UsdGeom.XformCache().GetLocalToWorldTransform(inner.GetPrim().GetParent()))) @ turn
+    expected = [o @ turn @ i for o in outers for i in inners]
+    np.testing.assert_allclose([shape.object_to_world for shape in shapes], expected, atol=1e-12)
+
+
+def test_prototypes_elsewhere_are_also_drawn_unless_they_are_abstract() -> None:
+    for path, is_drawn in (("/Protos/M", True), ("/Class/M", False), ("/Over/M", False)):
+        stage = Usd.Stage.CreateInMemory()
+        UsdGeom.Xform.Define(stage, "/Protos")
+        stage.CreateClassPrim("/Class")
+        stage.OverridePrim("/Over")
+        mesh(stage, path)
+        stage.GetPrimAtPath("/Over").SetSpecifier(Sdf.SpecifierOver)
+        instancer(stage, "/P", [path], 3, 4)
+        assert sorted(shape.instance for shape in read_shapes(stage)) == ([-1] if is_drawn else []) + [0, 1, 2]
+
+
+def test_an_instancer_within_its_own_prototype_ends() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    prim = instancer(stage, "/World/P", ["/World"], 2, 5)
+    mesh(stage, "/World/M")
+    assert prim
+    reading = read_stage(stage)
+    assert sorted(shape.instance for shape in reading.scene.shapes) == [-1, 0, 1]
+    assert any("part of its own prototype" in text and "/World/P" in text for text in reading.warnings)
+
+
+def test_invisible_parts_of_prototypes_and_purposes() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    instancer(stage, "/P", ["/P/A"], 2, 6)
+    mesh(stage, "/P/A/Seen")
+    mesh(stage, "/P/A/Unseen").CreateVisibilityAttr("invisible")
+    mesh(stage, "/P/A/Guide").CreatePurposeAttr("guide")
+    assert {shape.name for shape in read_shapes(stage)} == {"/P/A/Seen"}
+
+
+def test_velocities_move_instances_between_the_shutters_times(read) -> None:
+    reading = read(
+        f"""def PointInstancer "P"
+{{
+    int[] protoIndices = [0, 0]
+    rel prototypes = </P/M>
+    point3f[] positions.timeSamples = {{ 1: [(0, 0, 0), (5, 0, 0)] }}
+    vector3f[] velocities.timeSamples = {{ 1: [(24, 0, 0), (0, 0, 0)] }}
+    {TRIANGLE}
+}}""",
+        camera="""def Camera "Camera"
+{
+    double shutter:open = 0
+    double shutter:close = 0.5
+}
+""",
+        frame=1.0,
+    )
+    moving, resting = reading.scene.shapes
+    np.testing.assert_allclose(moving.object_to_world[:3, 3], 0)
+    np.testing.assert_allclose(moving.closing[:3, 3], (0.5, 0, 0))
+    assert resting.closing is None
+    assert moving.mesh is resting.mesh
+
+
+def test_a_mesh_that_moves_is_an_instance_with_a_closing_transform(read) -> None:
+    shutter = 'def Camera "Camera"\n{\n double shutter:open = 0\n double shutter:close = 1\n}\n'
+    move = """double3 xformOp:translate.timeSamples = { 0: (0, 0, 0), 2: (4, 0, 0) }
+    uniform token[] xformOpOrder = ["xformOp:translate"]"""
+    prims = f'def Xform "X"\n{{\n {move}\n {TRIANGLE}\n def Sphere "S"\n{{\n}}\n}}\ndef Xform "Y"\n{{\n {TRIANGLE}\n}}'
+    shapes = {shape.name: shape for shape in read(prims, camera=shutter, frame=0.0).scene.shapes}
+    assert isinstance(shapes["/Y/M"], Mesh)
+    for name in ("/X/M", "/X/S"):
+        np.testing.assert_allclose(shapes[name].closing[:3, 3], (2, 0, 0))
+    assert isinstance(read(prims, frame=0.0).scene.shapes[0], Mesh)
+
+
+class TestNativeInstances:
+    """Prims of one prototype."""
+
+    @staticmethod
+    def stage(count: int) -> Usd.Stage:
+        stage = Usd.Stage.CreateInMemory()
+        stage.CreateClassPrim("/Asset")
+        mesh(stage, "/Asset/M").AddTranslateOp().Set((0, 0, 1))
+        for number in range(count):
+            prim = UsdGeom.Xform.Define(stage, f"/I{number}")
+            prim.GetPrim().GetReferences().AddInternalReference("/Asset")
+            prim.GetPrim().SetInstanceable(True)
+            prim.AddTranslateOp().Set((number, 0, 0))
+        return stage
+
+    def test_they_share_their_arrays(self) -> None:
+        shapes = read_shapes(self.stage(3))
+        assert [shape.name for shape in shapes] == ["/I0/M", "/I1/M", "/I2/M"]
+        assert len({id(shape.mesh) for shape in shapes}) == 1
+        np.testing.assert_allclose([shape.object_to_world[:3, 3] for shape in shapes], [(i, 0, 1) for i in range(3)])
+
+    def test_one_alone_is_a_mesh_in_the_world(self) -> None:
+        (shape,) = read_shapes(self.stage(1))
+        assert isinstance(shape, Mesh)
+        np.testing.assert_allclose(shape.points[1], (1, 0, 1))
+
+    def test_what_they_inherit_may_differ(self) -> None:
+        stage = self.stage(3)
+        color = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/I1")).CreatePrimvar(
+            "displayColor", Sdf.ValueTypeNames.Color3fArray, "constant"
+        )
+        color.Set([(1, 0, 0)])
+        shapes = read_shapes(stage)
+        assert shapes[1].surface.diffuse == (1, 0, 0)
+        assert shapes[0].mesh is shapes[2].mesh
+        assert shapes[1].mesh is not shapes[0].mesh
+        assert shapes[1].mesh.points is shapes[0].mesh.points
+        assert shapes[1].mesh.triangles is shapes[0].mesh.triangles
+
+    def test_as_prototypes_of_an_instancer(self) -> None:
+        stage = self.stage(2)
+        prim = instancer(stage, "/P", ["/I0"], 3, 7)
+        shapes = [shape for shape in read_shapes(stage) if shape.instance >= 0]
+        time = Usd.TimeCode.EarliestTime()
+        expected = [matrix(m) @ _moved(0, 0, 1) for m in prim.ComputeInstanceTransformsAtTime(time, time)]
+        np.testing.assert_allclose([shape.object_to_world for shape in shapes], expected, atol=1e-12)
+
+
+def _moved(x: float, y: float, z: float) -> np.ndarray:
+    moved = np.eye(4)
+    moved[:3, 3] = x, y, z
+    return moved
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ("int[] protoIndices = [0, 1]", r"/P.protoIndices spans \[0, 1\]; accepted: \[0, 0\]"),
+        ("int[] protoIndices = [0, 0, 0]", r"/P.positions has 2 entries; accepted: 3"),
+        ("int[] protoIndices = [0, 0]\nfloat3[] scales = [(1, 1, 1)]", r"/P.scales has 1 entries; accepted: 2"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(read, lines: str, message: str) -> None:
+    body = f"point3f[] positions = [(0, 0, 0), (1, 0, 0)]\nrel prototypes = </P/M>\n{TRIANGLE}"
+    with pytest.raises(SceneError, match=message):
+        read(f'def PointInstancer "P"\n{{\n{lines}\n{body}\n}}')
+
+
+def test_what_is_missing_and_what_is_flat_is_named(read) -> None:
+    body = f"point3f[] positions = [(0, 0, 0), (1, 0, 0), (2, 0, 0)]\n{TRIANGLE}\nint[] protoIndices = [0, 0, 1]"
+    lines = "rel prototypes = [</P/M>, </Nowhere>]\nfloat3[] scales = [(1, 1, 1), (1, 0, 1), (1, 1, 1)]"
+    reading = read(f'def PointInstancer "P"\n{{\n{body}\n{lines}\n}}')
+    assert [shape.instance for shape in reading.scene.shapes] == [0]
+    assert "the prototype /Nowhere is not there: /P" in reading.warnings
+    assert "the transform leaves no volume, and the prim is left out: /P/M" in reading.warnings
+
+
+def test_lights_of_instancers_are_named(read) -> None:
+    body = "point3f[] positions = [(0, 0, 0)]\nint[] protoIndices = [0]\nrel prototypes = </P/L>\n"
+    body += 'def SphereLight "L"\n{\n}'
+    reading = read(f'def PointInstancer "P"\n{{\n{body}\n}}')
+    assert "a light that is part of an instancer gives no light: /P/L" in reading.warnings
+
+
+def corners(shape: Mesh | MeshInstance) -> np.ndarray:
+    """(m, 3, 3) in world space, whichever of the two it is."""
+    if isinstance(shape, Mesh):
+        return shape.points[shape.triangles]
+    points = shape.mesh.points @ shape.object_to_world[:3, :3].T + shape.object_to_world[:3, 3]
+    return points[shape.mesh.triangles]
+
+
+@NEEDS_THIRD_PARTY
+@pytest.mark.parametrize("name", ["instancedCubes2", "nestedInstance", "nestedInstancedCubes", "instance3"])
+def test_a_stage_without_its_instancing_is_the_same(name: str) -> None:
+    stage = Usd.Stage.Open(str(THIRD_PARTY / OPENUSD / "testUsdImagingGLInstancing" / f"{name}.usda"))
+    shared = {shape.name: shape for shape in read_stage(stage).scene.shapes}
+    stage.SetEditTarget(stage.GetSessionLayer())
+    while instances := [prim for prim in stage.Traverse() if prim.IsInstance()]:
+        instances[0].SetInstanceable(False)
+    alone = {shape.name: shape for shape in read_stage(stage).scene.shapes}
+    assert shared and shared.keys() == alone.keys()
+    for path, shape in alone.items():
+        assert shape.surface == shared[path].surface
+        if isinstance(shape, Solid):
+            np.testing.assert_allclose(shape.object_to_world, shared[path].object_to_world, atol=1e-12)
+        else:
+            np.testing.assert_allclose(corners(shape), corners(shared[path]), atol=1e-9)
+
+
+@NEEDS_THIRD_PARTY
+@pytest.mark.parametrize(
+    ("name", "count"), [("pi_masking", 4), ("pi_pi", 24), ("pi_ni_pi", 9), ("ni_pi", 8), ("ni_pi_xform", 8)]
+)
+def test_third_party_instancers_have_the_count_and_box_of_usd(name: str, count: int) -> None:
+    path = THIRD_PARTY / OPENUSD / "testUsdImagingGLPointInstancer" / f"{name}.usda"
+    shapes = read_scene(path).scene.shapes
+    assert len(shapes) == count
+    stage = Usd.Stage.Open(str(path))
+    boxes = UsdGeom.BBoxCache(Usd.TimeCode.EarliestTime(), ["default", "render"])
+    box = boxes.ComputeWorldBound(stage.GetPseudoRoot()).ComputeAlignedRange()
+    np.testing.assert_allclose(
+        scene_bounds(shapes), (box.GetMin(), box.GetMax()), atol=1e-3
+    )  # USD rounds boxes and orientations.
