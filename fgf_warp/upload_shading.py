@@ -52,9 +52,8 @@ def build_device_shading(shapes: Sequence[Shape], containers: Sequence[Shape], d
     """
     shaded = [shape for shape in shapes if shape.surface is not None]
     rows = ShadingRows()
-    instance_of: dict[Shape, int] = {
-        shape: k for k, shape in enumerate(s for s in shapes if isinstance(s, MeshInstance))
-    }
+    instances = (shape for shape in shapes if isinstance(shape, MeshInstance))
+    instance_of: dict[Shape, int] = {shape: index for index, shape in enumerate(instances)}
     bit_of = {shape: bit for bit, shape in enumerate(containers) if is_open(shape)}
     looks = [rows.add_look(shape) for shape in shaded]
     result = rows.upload(device)

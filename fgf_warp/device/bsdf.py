@@ -1,4 +1,4 @@
-"""What surfaces do to light: GGX microfacets, Fresnel, and layers of them that lose no energy; twin of `theory/bsdf.py`.
+"""What surfaces do to light: microfacets, Fresnel, and layers of them that lose no energy; twin of `theory/bsdf.py`.
 
 Values are of basic radiance, L / n^2. Functions on `Bsdf` take directions in world space, those on lobes take them in
 the frame of the shading normal, which is z. What is looked up comes from one array of tables, `theory.bsdf.Albedo` and
@@ -522,24 +522,28 @@ def eval_bsdf(tables: wp.array(dtype=float), bsdf: Bsdf, wi: wp.vec3) -> wp.vec4
 
 
 @wp.func
-def mirror(bsdf: Bsdf, weight: wp.vec3) -> BsdfSample:
-    """The mirror direction."""
+def go_to(bsdf: Bsdf, w: wp.vec3, weight: wp.vec3) -> BsdfSample:
+    """The only direction that a mirror sends light to, in the frame of the normal."""
     s = BsdfSample()
-    s.wi = to_world(bsdf.normal, wp.vec3(-bsdf.wo[0], -bsdf.wo[1], bsdf.wo[2]))
-    s.weight = weight
+    s.wi = to_world(bsdf.normal, w)
+    s.weight = wp.where(is_on_side(bsdf, s.wi, w[2]), weight, wp.vec3(0.0))
     s.is_delta = 1
+    s.transmits = wp.where(w[2] < 0.0, 1, 0)
     return s
 
 
 @wp.func
-def sample_smooth_glass(bsdf: Bsdf, xi: float) -> BsdfSample:
+def mirror(bsdf: Bsdf, weight: wp.vec3) -> BsdfSample:
+    """The mirror direction."""
+    return go_to(bsdf, wp.vec3(-bsdf.wo[0], -bsdf.wo[1], bsdf.wo[2]), weight)
+
+
+@wp.func
+def sample_smooth_glass(bsdf: Bsdf, weight: wp.vec3, xi: float) -> BsdfSample:
     """Reflection or refraction of a mirror."""
     if xi < fresnel_dielectric(wp.min(bsdf.wo[2], 1.0), bsdf.eta):
-        return mirror(bsdf, wp.vec3(1.0))
-    s = mirror(bsdf, wp.vec3(1.0))
-    s.wi = to_world(bsdf.normal, refract(bsdf.wo, wp.vec3(0.0, 0.0, 1.0), bsdf.eta))
-    s.transmits = 1
-    return s
+        return mirror(bsdf, weight)
+    return go_to(bsdf, refract(bsdf.wo, wp.vec3(0.0, 0.0, 1.0), bsdf.eta), weight)
 
 
 @wp.func
@@ -592,9 +596,7 @@ def sample_bsdf(tables: wp.array(dtype=float), bsdf: Bsdf, xi: wp.vec4) -> BsdfS
     if xi[2] < glass_end:
         place = wp.vec4(xi[0], xi[1], rescale(xi[2], 0.0, bsdf.p_glass), xi[3])
         if is_smooth(bsdf.roughness):
-            s = sample_smooth_glass(bsdf, xi[3])
-            s.weight = s.weight * ((1.0 - bsdf.cover) / (bsdf.p_glass * stays))
-            return s
+            return sample_smooth_glass(bsdf, wp.vec3((1.0 - bsdf.cover) / (bsdf.p_glass * stays)), xi[3])
         w = sample_rough_glass(tables, bsdf, place)
     elif xi[2] < coat_end:
         if is_smooth(bsdf.clearcoat_roughness):

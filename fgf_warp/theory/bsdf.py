@@ -33,6 +33,8 @@ ALBEDO_COLUMNS = 65
 ALBEDO_ERROR, GRAZING_ALBEDO_ERROR = 5e-3, 3e-2
 """Of what a table gives between its rows and columns, and so of the energy of a lobe: at cosines above 0.1, and at any.
 Over light from everywhere it is below 1e-3."""
+FRESNEL_NODES = 1 << 14
+"""Of the average of a reflectance, which may have an edge."""
 LEAST_COSINE = 1e-4
 """At which the first column stands for grazing light."""
 LEAST_LOSS = 1e-6
@@ -66,8 +68,8 @@ def fresnel_schlick(cosine: ArrayLike, f0: ArrayLike) -> np.ndarray:
 
 def average_fresnel(eta: float) -> float:
     """`fresnel_dielectric`, averaged over light from everywhere: 2 times the integral of F mu over mu."""
-    cosines, weights = _unit_nodes(2048)
-    return float(2 * (weights * cosines * fresnel_dielectric(cosines, eta)).sum())
+    cosines = (np.arange(FRESNEL_NODES) + 0.5) / FRESNEL_NODES
+    return float(2 * (cosines * fresnel_dielectric(cosines, eta)).mean())
 
 
 def refract(wo: np.ndarray, h: np.ndarray, eta: ArrayLike) -> np.ndarray:
@@ -282,6 +284,7 @@ def _place(x: ArrayLike, count: int) -> tuple[np.ndarray, np.ndarray]:
     return row, scaled - row
 
 
+@cache
 def _unit_nodes(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Gauss-Legendre nodes and weights on [0, 1]."""
     nodes, weights = np.polynomial.legendre.leggauss(count)

@@ -25,6 +25,7 @@ from fgf_warp.scene import (
     Surface,
 )
 from fgf_warp.settings import RenderSettings
+from fgf_warp.theory import kernels
 from tests import stats
 from tests.grid import REGIMES
 from tests.lighting import grey_image, irradiance
@@ -78,7 +79,7 @@ SUN = np.full((32, 64), 0.5)
 SUN[9, 40] = 1e6
 DOWN = (0.0, 0.0, -1.0)
 TILTED = (0.6, 0.0, -0.8)
-SQUARE = np.array([[-1, -1, HEIGHT], [-1, 1, HEIGHT], [1, 1, HEIGHT], [1, -1, HEIGHT], [0.5, -1.5, HEIGHT + 2]])
+SQUARE = np.array([[-1, -1, HEIGHT], [-1, 1, HEIGHT], [1, 1, HEIGHT], [1, -1, HEIGHT], [1, -1, HEIGHT + 1]])
 """Corners that go round clockwise seen from above; and one out of their plane."""
 INTRICATE = {
     "cosine dome": dome_around_z(grey_image(np.maximum(np.sin(LATITUDES), 0)[:, None])),
@@ -103,7 +104,7 @@ INTRICATE = {
     "cylinder": CylinderLight("/l", (0, 0, HEIGHT), (2.0, 0, 0), 0.5, (5.0,) * 3),
     "tilted cylinder": CylinderLight("/l", (-1.0, 0.3, 1.5), (0.6, 0.5, 0.7), 0.4, (5.0,) * 3),
     "mesh": MeshLight("/l", SQUARE[[[0, 1, 2], [0, 2, 3]]], (5.0,) * 3),
-    "bent mesh": MeshLight("/l", SQUARE[[[0, 1, 2], [0, 2, 4], [2, 3, 4], [4, 3, 2]]], (5.0,) * 3),
+    "bent mesh": MeshLight("/l", SQUARE[[[0, 1, 2], [0, 2, 4]]], (5.0,) * 3),
     "hard cone": SphereLight("/l", (0, 0, HEIGHT), 0.7, (5.0,) * 3, shaping=Shaping(TILTED, math.radians(40))),
     "soft cone": SphereLight("/l", (0, 0, HEIGHT), 0.7, (5.0,) * 3, shaping=Shaping(TILTED, math.radians(60), 0.8)),
     "focus": AreaLight(
@@ -170,23 +171,20 @@ def test_irradiance_of_intricate_lights(kind, monkeypatch):
 
 @pytest.mark.parametrize("kind", [kind for kind in INTRICATE if kind != "dome with a sun"])
 def test_intricate_lights_are_found_by_scattered_rays(kind, monkeypatch):
-    """Without connections: sees a bias of 1.5 %."""
+    """Without connections: sees a bias of 2.5 %."""
     chosen(monkeypatch, 1)
-    result = render(floor_under(INTRICATE[kind], light_links=8), replace(SETTINGS, spp=4096))
-    stats.assert_means(*stats.image_mean(result), RHO * expected_irradiance(kind) / math.pi, detects=0.015)
+    result = render(floor_under(INTRICATE[kind], light_links=8), replace(SETTINGS, spp=1536))
+    stats.assert_means(*stats.image_mean(result), RHO * expected_irradiance(kind) / math.pi, detects=0.025)
 
 
 def test_many_lights_are_all_connected_to():
-    """By the chances that follow from their power: the sum of all, and of a linked one that does not shine here."""
-    kinds = ("cosine dome", "cylinder", "dome of two hemispheres")
-    lights = tuple(INTRICATE[kind] for kind in kinds)
-    away = AreaLight("/a", "rect", (40, 0, HEIGHT), (1, 0, 0), (0, -1, 0), (1e3,) * 3, link=4)
-    result = render(floor_under((*lights, away, *UNSEEN), light_links=8), replace(SETTINGS, spp=4096))
-    # The tube hides a part of the domes.
-    hidden = irradiance(replace(INTRICATE["cylinder"], radiance=WHITE))
-    expected = sum(expected_irradiance(kind) for kind in kinds) - 2 * hidden
-    mean, _ = stats.image_mean(result)
-    assert RHO * expected / math.pi < mean < RHO * (expected + 2 * hidden) / math.pi
+    """By the chances that follow from their power: the sum of all but a linked one, which does not shine here."""
+    kinds = ("cosine dome", "dome of two hemispheres", "linked dome")
+    away = AreaLight("/a", "rect", (400, 0, HEIGHT), (1, 0, 0), (0, -1, 0), (1e3,) * 3, link=4)
+    lights = (*(INTRICATE[kind] for kind in kinds), away, *UNSEEN)
+    result = render(floor_under(lights, light_links=8), SETTINGS)
+    expected = sum(expected_irradiance(kind) for kind in kinds)
+    stats.assert_means(*stats.image_mean(result), RHO * expected / math.pi, detects=0.005)
 
 
 DIRECTIONS = {
@@ -247,6 +245,55 @@ def test_only_linked_shapes_cast_shadows(monkeypatch):
     stats.assert_means(*stats.image_mean(open_), expected, detects=0.005)
     closed = render(floor_under(light, lid(2)), replace(SETTINGS, max_depth=1))
     assert not closed.radiance.any()
+
+
+def block_under(light, **links) -> Scene:
+    """A block of a medium over a floor; the light may be linked to the block alone."""
+    shapes = (
+        Solid("/floor", "cube", transform((20, 20, 1), (0, 0, -2)), Surface((0.5,) * 3), light_links=8),
+        Solid("/block", "cube", np.eye(4), medium=0, **links),
+    )
+    medium = dict(mean_extinction=1.5, albedo=(0.9,) * 3, asymmetry=0.6) | REGIMES["pink"]
+    return Scene(camera((5, 3, 1.5), (0, 0, 0)), shapes, (Medium("/medium", **medium),), (light, *UNSEEN))
+
+
+BLOCK_SETTINGS = RenderSettings(width=16, height=16, spp=4096, seed=1)
+
+
+@pytest.mark.parametrize(("kind", "detects"), [("dome of random bytes", 0.1), ("mesh", 0.15)])
+def test_media_under_intricate_lights(kind, detects, monkeypatch):
+    """Connections from media, weighed, against paths that find the light: the same picture."""
+    scene = block_under(INTRICATE[kind], light_links=8)
+    chosen(monkeypatch, 0)
+    connected = render(scene, replace(BLOCK_SETTINGS, spp=1024))
+    chosen(monkeypatch, 1)
+    found = render(scene, replace(BLOCK_SETTINGS, seed=2))
+    stats.assert_images_agree(connected, found, blocks=2, detects=detects)
+
+
+def test_links_of_media(monkeypatch):
+    """A light shines in a block that it is linked to as if it were free; a block that casts no shadow dims nothing."""
+    chosen(monkeypatch, 0)
+    light = SphereLight("/l", (0, 0, 8), 0.5, (5.0,) * 3)
+    settings = replace(BLOCK_SETTINGS, spp=64)
+    free = render(block_under(light), settings)
+    linked = render(block_under(replace(light, link=3), light_links=8), settings)
+    assert np.array_equal(free.radiance, linked.radiance)
+    # Neither the block nor the floor is lit.
+    assert not render(block_under(replace(light, link=5), light_links=8), settings).radiance.any()
+
+    def below(bits):
+        """The floor under the middle of an absorbing block, by light from straight above."""
+        scene = block_under(DistantLight("/l", DOWN, 0.0, WHITE, shadow_link=4), shadow_links=bits)
+        black = replace(scene.media[0], albedo=BLACK)
+        view = camera((0, 0, -0.995), (0.001, 0, -1), aperture=1e-3)
+        return render(replace(scene, camera=view, media=(black,)), settings)
+
+    law = block_under(light).media[0].line_law
+    passed = float(kernels.transmittance_ss(law.b, law.kappa, law.mean_extinction * 2.0))
+    # The camera is in the block, close to the floor.
+    assert below(1 << 4).radiance.mean() == pytest.approx(0.5 / math.pi * passed, rel=0.015)
+    assert below(1 << 5).radiance.mean() == pytest.approx(0.5 / math.pi, rel=0.015)
 
 
 def test_a_flat_light_is_black_from_behind():

@@ -330,3 +330,15 @@ def test_authored_normals_of_subdivision_surfaces_are_not_used(read) -> None:
     lines = 'normal3f[] normals = [(1, 0, 0)] (\n interpolation = "constant"\n)\n}'
     (mesh,) = read(QUAD + lines, complexity="high").scene.shapes
     np.testing.assert_allclose(mesh.normals, np.broadcast_to([0, 0, 1], mesh.normals.shape), atol=1e-6)
+
+
+def test_creases_along_no_edge_are_named(read) -> None:
+    lines = "int[] creaseIndices = [0, 2]\nint[] creaseLengths = [2]\nfloat[] creaseSharpnesses = [1]\n}"
+    assert "creases along no edge of the mesh are left out: /M" in read(QUAD + lines).warnings
+
+
+def test_levels_are_lowered_where_there_would_be_too_many_triangles(read, monkeypatch) -> None:
+    monkeypatch.setattr("usd_scenes.reader.subdivision.TRIANGLES_MAX", 10)
+    reading = read(QUAD + "}", complexity="high")
+    assert len(reading.scene.shapes[0].triangles) == 8
+    assert "2 levels of subdivision are more than 10 triangles: 1 are used: /M" in reading.warnings

@@ -7,7 +7,7 @@ a refined mesh touches the limit surface in all of its vertices.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -207,6 +207,8 @@ def read_refinement(mesh: UsdGeom.Mesh, cage: Polygons, context: StageContext) -
         context.notes.add(text, path)
     creases = list(_creases(mesh, cage, context))
     corners = _corner_sharpness(mesh, cage, context)
+    if creases and not _on_edges(_connect(cage), creases)[1].all():
+        context.notes.add("creases along no edge of the mesh are left out", path)
     return refine(cage, rules, levels, creases, corners)
 
 
@@ -279,17 +281,22 @@ def _tagged(
     edges = np.where(net.edge_faces == 2, 0.0, INFINITE_SHARPNESS)
     n = net.polygons.n_points
     if listed := list(creases):
-        a, b, sharpness = (np.array(column) for column in zip(*listed, strict=True))
-        keys = net.ends[:, 0] * n + net.ends[:, 1]
-        asked = np.minimum(a, b).astype(np.int64) * n + np.maximum(a, b).astype(np.int64)
-        at = np.minimum(np.searchsorted(keys, asked), len(keys) - 1)
-        is_edge = keys[at] == asked
-        np.maximum.at(edges, at[is_edge], sharpness[is_edge])
+        at, is_edge = _on_edges(net, listed)
+        np.maximum.at(edges, at[is_edge], np.array([sharpness for _, _, sharpness in listed])[is_edge])
     vertices = np.zeros(n) if vertex_sharpness is None else vertex_sharpness.astype(np.float64)
     if rules.boundary == "edgeAndCorner":
         is_corner = np.bincount(net.polygons.indices, minlength=n) == 1
         vertices = np.where(is_corner, INFINITE_SHARPNESS, vertices)
     return Net(net.polygons, net.edge_of_corner, net.ends, edges, vertices)
+
+
+def _on_edges(net: Net, creases: Sequence[tuple[int, int, float]]) -> tuple[np.ndarray, np.ndarray]:
+    """The edge that each crease is on, and whether there is one."""
+    n = net.polygons.n_points
+    pairs = np.sort([crease[:2] for crease in creases], axis=1).astype(np.int64)
+    keys, asked = net.ends[:, 0] * n + net.ends[:, 1], pairs[:, 0] * n + pairs[:, 1]
+    at = np.minimum(np.searchsorted(keys, asked), len(keys) - 1)
+    return at, keys[at] == asked
 
 
 def _drawn_faces(net: Net, rules: Rules) -> np.ndarray:
