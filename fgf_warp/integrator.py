@@ -646,14 +646,14 @@ def build_program(features: RenderFeatures) -> Program:
         path.met = surface.emission
         path.reflectance = surface.reflectance
         path.hit.normal = bsdf.facet
-        if wp.static(Aov.NORMAL in features.aovs):
-            if before.depth == 0:
-                path.first_normal = bsdf.normal
         # Numbers of their own: what is drawn for the event says already that it comes here.
         more = draw_more(seed, before.pixel, before.turn, before.bounce, CONNECTION)
         if wp.static(passes):
             if more[0] < bsdf.p_pass:
                 return pass_surface(scene, path, container, bsdf.passes / bsdf.p_pass, container < 0), bsdf
+        if wp.static(Aov.NORMAL in features.aovs):
+            if before.depth == 0:
+                path.first_normal = bsdf.normal
         chooses = rescale(more[0], bsdf.p_pass, 1.0 - bsdf.p_pass)
         s = sample_bsdf(scene.shading.albedos, bsdf, wp.vec4(before.xi[2], before.xi[3], chooses, more[1]))
         path.wi = s.wi

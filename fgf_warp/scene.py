@@ -537,6 +537,11 @@ class Surface:
         return not (self.inputs or shines or self.may_be_transparent)
 
     @property
+    def emits(self) -> bool:
+        """True where it may glow."""
+        return self.emission != BLACK
+
+    @property
     def may_be_transparent(self) -> bool:
         """True where some light may pass it."""
         return self.opacity != 1

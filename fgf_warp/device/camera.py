@@ -103,6 +103,17 @@ def camera_at(camera: Camera, time: float) -> Camera:
 
 
 @wp.func
+def camera_at_closing(camera: Camera) -> Camera:
+    """The camera at the end, to the bit: what rests is then seen to rest."""
+    moved = camera
+    moved.position = camera.closing_position
+    moved.right = camera.closing_right
+    moved.up = camera.closing_up
+    moved.forward = camera.closing_forward
+    return moved
+
+
+@wp.func
 def pixel_of(camera: Camera, position: wp.vec3) -> wp.vec3:
     """Where a sharp picture shows a point: columns from the left, rows from the top, and its depth [stage unit]."""
     to_point = position - camera.position

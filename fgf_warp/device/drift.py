@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from fgf_warp.device.camera import Camera, camera_at, pixel_of
+from fgf_warp.device.camera import Camera, camera_at_closing, pixel_of
 
 
 @wp.struct
@@ -25,7 +25,7 @@ def image_motion(camera: Camera, drift: Drift, position: wp.vec3, time: float) -
     opening = wp.inverse(moved) * (position - drift.offset * time)
     closing = opening + drift.slope * opening + drift.offset
     first = pixel_of(camera, opening)
-    last = pixel_of(camera_at(camera, 1.0), closing)
+    last = pixel_of(camera_at_closing(camera), closing)
     if first[2] <= 0.0 or last[2] <= 0.0:
         return wp.vec3(0.0, 0.0, 0.0)
     return wp.vec3(last[0] - first[0], last[1] - first[1], 0.0)

@@ -252,7 +252,7 @@ def test_render_writes_an_image_for_each_frame(tmp_path, moving, rendered):
     assert [scene.camera.position[0] for scene, _ in rendered] == [1, 2, 3, 4]
     assert [scene.shapes[0].object_to_world[0, 0] for scene, _ in rendered] == [1, 2, 3, 4]
     # What holds for all frames is told once.
-    assert outcome.stderr.count("no light: an environment of radiance 1 is used") == 1
+    assert outcome.stderr.count("no light: a dim environment") == 1
 
 
 def test_render_takes_default_values_where_there_are_no_samples(tmp_path, moving, rendered):

@@ -179,6 +179,25 @@ def test_a_turning_camera_keeps_its_shape():
     assert result.radiance.mean() == pytest.approx(still.radiance.mean(), rel=2e-3)
 
 
+def test_a_camera_that_moves_is_a_ball_that_moves_the_other_way():
+    """The picture, and the motion in it."""
+    settings = replace(SETTINGS, spp=128, aovs={Aov.MOTION})
+    view = from_above(clipping_range=(0.0, 100.0))
+    here, there = transform(0.8, (0.3, 0.2, 0)), transform(0.8, (-0.4, 0.5, -1.0))
+    step = transform(at=there[:3, 3] - here[:3, 3])
+    ball = Solid("/ball", "sphere", here, Surface(BLACK, WHITE))
+    sky = (DomeLight("/sky", (0.1, 0.1, 0.1)),)
+    by_ball = render(Scene(view, (replace(ball, closing=there),), lights=sky), settings)
+    moving = replace(view, closing=np.linalg.inv(step) @ view.camera_to_world)
+    by_camera = render(Scene(moving, (ball,), lights=sky), settings)
+    assert np.abs(by_ball.radiance - by_camera.radiance).mean() < 1e-4
+    a, b = by_ball.aovs[Aov.MOTION], by_camera.aovs[Aov.MOTION]
+    assert np.abs(a - b).mean() < 1e-3 * np.abs(a).mean()
+    # At the closing it is smaller, farther to the left and higher.
+    assert a[..., 0].min() < -1
+    assert a[..., 1].min() < -0.5
+
+
 def slab_scene(view: Camera, *, kind: str, top=1.0) -> Scene:
     """An absorbing slab from z = -1 to `top`, sigma_m = 0.7, of pink noise, with a second medium beside it."""
     medium = Medium("/fog", 0.7, BLACK, hurst=-0.25, white_noise_scale=0.5)

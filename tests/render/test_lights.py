@@ -171,23 +171,20 @@ def test_irradiance_of_intricate_lights(kind, monkeypatch):
 
 @pytest.mark.parametrize("kind", [kind for kind in INTRICATE if kind != "dome with a sun"])
 def test_intricate_lights_are_found_by_scattered_rays(kind, monkeypatch):
-    """Without connections: sees a bias of 1.5 %."""
+    """Without connections: sees a bias of 2.5 %."""
     chosen(monkeypatch, 1)
-    result = render(floor_under(INTRICATE[kind], light_links=8), replace(SETTINGS, spp=4096))
-    stats.assert_means(*stats.image_mean(result), RHO * expected_irradiance(kind) / math.pi, detects=0.015)
+    result = render(floor_under(INTRICATE[kind], light_links=8), replace(SETTINGS, spp=1536))
+    stats.assert_means(*stats.image_mean(result), RHO * expected_irradiance(kind) / math.pi, detects=0.025)
 
 
 def test_many_lights_are_all_connected_to():
-    """By the chances that follow from their power: the sum of all, and of a linked one that does not shine here."""
-    kinds = ("cosine dome", "cylinder", "dome of two hemispheres")
-    lights = tuple(INTRICATE[kind] for kind in kinds)
-    away = AreaLight("/a", "rect", (40, 0, HEIGHT), (1, 0, 0), (0, -1, 0), (1e3,) * 3, link=4)
-    result = render(floor_under((*lights, away, *UNSEEN), light_links=8), replace(SETTINGS, spp=4096))
-    # The tube hides a part of the domes.
-    hidden = irradiance(replace(INTRICATE["cylinder"], radiance=WHITE))
-    expected = sum(expected_irradiance(kind) for kind in kinds) - 2 * hidden
-    mean, _ = stats.image_mean(result)
-    assert RHO * expected / math.pi < mean < RHO * (expected + 2 * hidden) / math.pi
+    """By the chances that follow from their power: the sum of all but a linked one, which does not shine here."""
+    kinds = ("cosine dome", "dome of two hemispheres", "linked dome")
+    away = AreaLight("/a", "rect", (400, 0, HEIGHT), (1, 0, 0), (0, -1, 0), (1e3,) * 3, link=4)
+    lights = (*(INTRICATE[kind] for kind in kinds), away, *UNSEEN)
+    result = render(floor_under(lights, light_links=8), SETTINGS)
+    expected = sum(expected_irradiance(kind) for kind in kinds)
+    stats.assert_means(*stats.image_mean(result), RHO * expected / math.pi, detects=0.005)
 
 
 DIRECTIONS = {
@@ -263,15 +260,15 @@ def block_under(light, **links) -> Scene:
 BLOCK_SETTINGS = RenderSettings(width=16, height=16, spp=4096, seed=1)
 
 
-@pytest.mark.parametrize("kind", ["dome of random bytes", "mesh"])
-def test_media_under_intricate_lights(kind, monkeypatch):
+@pytest.mark.parametrize(("kind", "detects"), [("dome of random bytes", 0.1), ("mesh", 0.15)])
+def test_media_under_intricate_lights(kind, detects, monkeypatch):
     """Connections from media, weighed, against paths that find the light: the same picture."""
     scene = block_under(INTRICATE[kind], light_links=8)
     chosen(monkeypatch, 0)
     connected = render(scene, replace(BLOCK_SETTINGS, spp=1024))
     chosen(monkeypatch, 1)
     found = render(scene, replace(BLOCK_SETTINGS, seed=2))
-    stats.assert_images_agree(connected, found, blocks=2, detects=0.1)
+    stats.assert_images_agree(connected, found, blocks=2, detects=detects)
 
 
 def test_links_of_media(monkeypatch):

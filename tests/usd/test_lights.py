@@ -14,6 +14,7 @@ from fgf_warp.errors import SceneError, UnsupportedFeatureError
 from fgf_warp.scene import AreaLight, CylinderLight, DistantLight, DomeLight, MeshLight, SphereLight
 from tests.usd.prims import HEADER
 from usd_scenes.reader import read_scene
+from usd_scenes.reader.lights import DEFAULT_KEY_FROM
 
 ASSETS = Path(__file__).parents[3] / "shared" / "usd_assets"
 LINKING = ASSETS / "PixarAnimationStudios__OpenUSD/pxr/usd/usdLux/testenv/testUsdLuxLinkingAPI/linking_example.usda"
@@ -568,7 +569,31 @@ def test_invisible_lights_are_skipped(read) -> None:
     assert [light.name for light in reading.scene.lights] == ["/Dome"]
 
 
-def test_a_stage_without_light_gets_a_dome_and_a_warning(read) -> None:
+def test_a_stage_without_light_is_lit_from_beside_the_camera(read) -> None:
     reading = read("", light="")
-    assert reading.scene.lights == (DomeLight(name="default dome", radiance=(1, 1, 1)),)
-    assert "no light: an environment of radiance 1 is used" in reading.warnings
+    key, dome = reading.scene.lights
+    assert "no light: a dim environment and a light from beside the camera are used" in reading.warnings
+    seen_from = -np.array(key.direction) @ reading.scene.camera.camera_to_world[:3, :3]
+    np.testing.assert_allclose(seen_from / seen_from[2], DEFAULT_KEY_FROM, atol=1e-6)
+    # A white diffuse surface that faces the light has radiance 1.
+    irradiance = math.pi * math.sin(key.half_angle) ** 2 * np.array(key.radiance) + math.pi * np.array(dome.radiance)
+    np.testing.assert_allclose(irradiance / math.pi, 1, rtol=1e-12)
+
+
+def test_what_glows_is_light_enough(read) -> None:
+    prims = """def Sphere "Lamp" (prepend apiSchemas = ["MaterialBindingAPI"])
+{
+    rel material:binding = </Glow>
+}
+def Material "Glow"
+{
+    token outputs:surface.connect = </Glow/Surface.outputs:surface>
+    def Shader "Surface"
+    {
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:emissiveColor = (1, 1, 1)
+        token outputs:surface
+    }
+}
+"""
+    assert read(prims, light="").scene.lights == ()

@@ -13,6 +13,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 from fgf_warp.errors import SceneError, UnsupportedFeatureError
 from fgf_warp.scene import (
     AreaLight,
+    Camera,
     CylinderLight,
     DistantLight,
     DomeLight,
@@ -23,14 +24,20 @@ from fgf_warp.scene import (
     Shaping,
     SphereLight,
     Vec3,
+    unit_axes,
 )
 from usd_scenes.reader.attributes import is_authored, read_color, read_number, read_token
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.mesh import read_corners
 from usd_scenes.reader.textures import read_image
 
-DEFAULT_DOME = DomeLight(name="default dome", radiance=(1.0, 1.0, 1.0))
-"""Lights a stage that has no light of its own."""
+DEFAULT_DOME = DomeLight(name="default dome", radiance=(0.25, 0.25, 0.25))
+DEFAULT_KEY_FROM = (-0.5, 0.7, 1.0)
+"""From where the default key light shines: over the viewer's left shoulder, in the camera's axes."""
+DEFAULT_KEY_HALF_ANGLE = 0.1
+"""Of the key light [radian]: shadows with a soft edge."""
+DEFAULT_KEY_RADIANCE = 0.75
+"""Of a white diffuse surface that faces the key light: with the dome's, 1."""
 
 HARMLESS: dict[str, object] = {
     "inputs:diffuse": 1.0,
@@ -244,6 +251,20 @@ def read_light(prim: Usd.Prim, context: StageContext) -> Light | None:
     if light and prim.GetAttribute("inputs:normalize").Get(context.time):
         return replace(light, radiance=_scaled(light.radiance, 1 / _size(light)))
     return light
+
+
+def default_lights(camera: Camera) -> tuple[Light, ...]:
+    """What lights a stage that has no light of its own: a key light that goes with the camera, and a dim dome."""
+    axes = unit_axes(camera.camera_to_world)
+    towards = axes @ DEFAULT_KEY_FROM
+    radiance = DEFAULT_KEY_RADIANCE / math.sin(DEFAULT_KEY_HALF_ANGLE) ** 2
+    key = DistantLight(
+        name="default key",
+        direction=_vec3(-towards / np.linalg.norm(towards)),
+        half_angle=DEFAULT_KEY_HALF_ANGLE,
+        radiance=(radiance, radiance, radiance),
+    )
+    return (key, DEFAULT_DOME)
 
 
 def is_light(prim: Usd.Prim) -> bool:

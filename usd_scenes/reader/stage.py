@@ -22,7 +22,7 @@ from usd_scenes.reader.diagnostics import (
     refuse_composition_errors,
     usd_errors_as_scene_errors,
 )
-from usd_scenes.reader.lights import DEFAULT_DOME, emitting_meshes, is_light, read_light
+from usd_scenes.reader.lights import DEFAULT_DOME, default_lights, emitting_meshes, is_light, read_light
 from usd_scenes.reader.links import link_lights
 from usd_scenes.reader.materials import MaterialReader
 from usd_scenes.reader.settings import Product, StageSettings, read_settings
@@ -226,14 +226,15 @@ def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticT
         context.notes.add("no camera: the view is from the front and holds everything")
     if not shapes:
         context.notes.add("no geometry: only the lights are seen; a medium needs a closed shape that it is bound to")
-    if not lights:
-        context.notes.add("no light: an environment of radiance 1 is used")
     camera = read_camera(camera_prim, context) if camera_prim else default_camera(shapes, context.up_axis)
+    if not lights and not any(shape.surface and shape.surface.emits for shape in shapes):
+        context.notes.add("no light: a dim environment and a light from beside the camera are used")
+        lights = [*default_lights(camera)]
     scene = Scene(
         camera=as_asked(camera, product),
         shapes=tuple(shapes),
         media=materials.media,
-        lights=tuple(lights) or (DEFAULT_DOME,),
+        lights=tuple(lights),
         meters_per_unit=_meters_per_unit(stage),
         source=source,
     )
