@@ -531,6 +531,11 @@ class Surface:
         return frozenset(value.primvar for value in self.inputs if value.primvar)
 
     @property
+    def coordinates(self) -> frozenset[str]:
+        """Those of them that textures are read at, which are of two numbers or more."""
+        return frozenset(value.primvar for value in self.inputs if isinstance(value, TextureInput) and value.primvar)
+
+    @property
     def is_matte(self) -> bool:
         """True where it is diffuse, opaque, and everywhere the same."""
         shines = self.ior != 1 or self.specular is not None or self.metallic != 0 or self.clearcoat != 0

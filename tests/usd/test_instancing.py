@@ -113,6 +113,14 @@ def test_nested_instancers_multiply_and_count_in_the_outermost() -> None:
     np.testing.assert_allclose([shape.object_to_world for shape in shapes], expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_meshes_have_the_numbers_of_their_copies_also_where_there_is_one(count: int) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    instancer(stage, "/P", ["/P/M"], count, 4)
+    mesh(stage, "/P/M")
+    assert [shape.instance for shape in read_shapes(stage)] == list(range(count))
+
+
 def test_prototypes_elsewhere_are_also_drawn_unless_they_are_abstract() -> None:
     for path, is_drawn in (("/Protos/M", True), ("/Class/M", False), ("/Over/M", False)):
         stage = Usd.Stage.CreateInMemory()

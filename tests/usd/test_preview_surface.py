@@ -238,6 +238,23 @@ def test_a_reader_of_no_primvar_is_named(read) -> None:
         read(prims, strict=True)
 
 
+@pytest.mark.parametrize(("count", "shape"), [("", "Sphere"), ("[]", "Mesh")])
+def test_texture_coordinates_of_one_number_are_left_out(read, picture: Path, count: str, shape: str) -> None:
+    prims = preview_sphere(DIFFUSE_MAP, texture(picture) + COORDINATES)
+    value = "[0.5]" if count else "0.5"
+    lines = f'float{count} primvars:map1 = {value} (\n interpolation = "constant"\n)'
+    if shape == "Mesh":
+        lines += """
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]"""
+    prims = prims.replace("def Sphere", f"def {shape}").replace("{", "{\n    " + lines, 1)
+    reading = read(prims)
+    assert not reading.scene.shapes[0].primvars
+    name = reading.scene.shapes[0].name
+    assert f"primvar map1 of one number, where textures need two, is left out: {name}" in reading.warnings
+
+
 def test_textures(read, picture: Path) -> None:
     inputs = f"""{DIFFUSE_MAP}
         float inputs:roughness.connect = </Look/T.outputs:r>

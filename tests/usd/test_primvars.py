@@ -148,12 +148,18 @@ class TestNormals:
         reading = read(two_quads(lines))
         (mesh,) = reading.scene.shapes
         np.testing.assert_allclose(mesh.normals, expected_at(mesh, np.array([self.UP, self.TILTED]), "uniform"))
-        assert "normals that are zero or not finite: the triangles' own are used there: /M" in reading.warnings
+        assert "normals that are zero: the triangles' own are used there: /M" in reading.warnings
 
     def test_of_a_wrong_length_are_named(self, read) -> None:
         reading = read(two_quads(self.normals([self.UP] * 3, "vertex")))
         assert reading.scene.shapes[0].normals is None
         assert "vertex primvar of 3 values where 6 are expected is left out: /M.normals" in reading.warnings
+
+    def test_of_two_numbers_are_named(self, read) -> None:
+        lines = 'float2[] primvars:normals = [(0, 1)] (\n interpolation = "constant"\n)\n'
+        reading = read(two_quads(lines))
+        assert reading.scene.shapes[0].normals is None
+        assert "normals of 2 numbers, and not of three, are left out: /M.primvars:normals" in reading.warnings
 
     def test_a_boundary_without_a_surface_has_none(self, read) -> None:
         cube = """def Mesh "M" (

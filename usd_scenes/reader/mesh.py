@@ -19,6 +19,7 @@ from usd_scenes.reader.primvars import (
     Primvar,
     at_corners,
     find_primvar,
+    fits_textures,
     fitted,
     read_indices,
     read_primvar,
@@ -196,17 +197,21 @@ class MeshForm(Form):
             values = read_array(attribute, self.context.time, np.float64, width=3)
         if values is None or not len(values):
             return None
+        if values.shape[1] != 3:
+            text = f"normals of {values.shape[1]} numbers, and not of three, are left out"
+            self.context.notes.add(text, attribute.GetPath())
+            return None
         found = fitted(Primvar(values, interpolation, indices), self._cage, str(attribute.GetPath()), self.context)
         return None if found is None else at_corners(found, self._polygons, self._corners)
 
     def _unit_normals(self, normals: np.ndarray) -> np.ndarray:
         """(m, 3, 3) float32, of length 1, and the triangle's own where an authored one has no direction."""
         lengths = np.sqrt(np.einsum("...i,...i->...", normals, normals))[..., None]
-        is_usable = np.isfinite(lengths) & (lengths > 0)
+        is_usable = lengths > 0
         unit = normals / np.where(is_usable, lengths, 1)
         unit = np.broadcast_to(unit, (len(self.triangles), 3, 3))
         if not is_usable.all():
-            text = "normals that are zero or not finite: the triangles' own are used there"
+            text = "normals that are zero: the triangles' own are used there"
             self.context.notes.add(text, self._prim.GetPath())
             unit = np.where(is_usable, unit, triangle_normals(self.points, self.triangles)[:, None])
         return np.ascontiguousarray(unit, dtype=np.float32)
@@ -223,8 +228,11 @@ class Part:
     normals: np.ndarray | None
     primvars: Mapping[str, np.ndarray] = field(default_factory=dict)
 
-    def mesh(self) -> Mesh:
-        """In its own space, for instances to share.
+    def mesh(self, instance: int = -1) -> Mesh:
+        """As it lies, in the world or for instances to share.
+
+        Args:
+            instance: its number in its instancer, where it is the only copy, or -1.
 
         Raises:
             SceneError: for points that are not finite, or a medium in a mesh that is not closed.
@@ -237,6 +245,7 @@ class Part:
             medium=self.look.medium,
             normals=self.normals,
             primvars=self.primvars,
+            instance=instance,
         )
 
     def moved(self, to_world: np.ndarray) -> Part:
@@ -273,7 +282,12 @@ def build_part(form: Form, prim: Usd.Prim, assignment: Assignment) -> Part:
     look, chosen = assignment.look, assignment.triangles
     normals = form.normals if look.surface else None
     names = sorted(look.surface.primvars) if look.surface else []
-    primvars = {name: values for name in names if (values := form.primvar(prim, name)) is not None}
+    primvars = {
+        name: values
+        for name in names
+        if (values := form.primvar(prim, name)) is not None
+        and fits_textures(values, name, look.surface, assignment.name, form.context)
+    }
     triangles = form.triangles
     if chosen is not None:
         triangles = triangles[chosen]

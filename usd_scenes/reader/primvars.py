@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import Usd, UsdGeom
 
+from fgf_warp.scene import Surface
 from usd_scenes.reader.context import StageContext
-
-INTERPOLATIONS = ("constant", "uniform", "varying", "vertex", "faceVarying")
 
 INTERPOLATIONS = ("constant", "uniform", "varying", "vertex", "faceVarying")
 
@@ -125,6 +124,14 @@ def fitted(primvar: Primvar, polygons: Polygons, path: str, context: StageContex
         context.notes.add(text, path)
         return None
     return primvar
+
+
+def fits_textures(values: np.ndarray, name: str, surface: Surface | None, path: str, context: StageContext) -> bool:
+    """False, with a warning, of a primvar whose values, (.., k), are too short for the textures that are read there."""
+    if surface is None or values.shape[-1] >= 2 or name not in surface.coordinates:
+        return True
+    context.notes.add(f"primvar {name} of one number, where textures need two, is left out", path)
+    return False
 
 
 def at_corners(primvar: Primvar, polygons: Polygons, corners: np.ndarray) -> np.ndarray:

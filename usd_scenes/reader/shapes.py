@@ -14,7 +14,7 @@ from usd_scenes.reader.geometry import FORM_READERS, Canonical, read_solid
 from usd_scenes.reader.instancing import Matrices
 from usd_scenes.reader.materials import Look, MaterialReader
 from usd_scenes.reader.mesh import Assignment, Form, MeshForm, Part, build_part
-from usd_scenes.reader.primvars import find_primvar, read_values
+from usd_scenes.reader.primvars import find_primvar, fits_textures, read_values
 from usd_scenes.reader.traversal import Met
 
 
@@ -77,7 +77,7 @@ class ShapeReader:
                 if isinstance(found, Solid):
                     shapes.append((path, found))
                 elif counts[id(found.form)] <= 1 and np.array_equal(*found.matrices):
-                    shapes.append((path, found.part.moved(found.matrices[0][0]).mesh()))
+                    shapes.append((path, found.part.moved(found.matrices[0][0]).mesh(int(found.numbers[0]))))
                 else:
                     if id(found.part) not in meshes:
                         meshes[id(found.part)] = found.part.mesh()
@@ -178,7 +178,8 @@ class ShapeReader:
                 path = primvar.GetAttr().GetPath()
                 self._context.notes.add("primvar that varies over a solid is not supported and is left out", path)
                 continue
-            found[name] = values[0].astype(np.float32)
+            if fits_textures(values, name, look.surface, str(prim.GetPath()), self._context):
+                found[name] = values[0].astype(np.float32)
         return found
 
 
