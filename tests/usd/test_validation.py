@@ -176,6 +176,36 @@ def test_a_boundary_without_a_surface_hides_the_medium(find) -> None:
     assert {name for _, _, name in told(findings)} == {"MissingSurface", "ShadowedMedium"}
 
 
+def test_a_surface_that_is_meant_for_this_renderer_is_a_surface(find) -> None:
+    surface = "token outputs:fgf:surface.connect = </Look/Surface.outputs:surface>\n    " + SURFACE
+    surface = surface.replace("token outputs:surface\n", "float inputs:opacity = 0\n        token outputs:surface\n")
+    assert find(medium_sphere('uniform token fgf:boundary = "surface"\n    ' + surface)) == ()
+
+
+def test_what_glows_lights_a_stage_without_lights(find) -> None:
+    glowing = (
+        """def Sphere "Glow" (
+    prepend apiSchemas = ["MaterialBindingAPI"]
+)
+{
+    double radius = 20
+    rel material:binding = </Bright>
+}
+def Material "Bright"
+{
+    token outputs:surface.connect = </Bright/Surface.outputs:surface>
+    """
+        + SURFACE.replace("token outputs", "color3f inputs:emissiveColor = (1, 1, 1)\n        token outputs")
+        + "\n}\n"
+    )
+    # All of the light is inside: the camera is outside of it, and no dome takes the place of lights.
+    beyond = CAMERA.replace("(0, 0, 9)", "(0, 0, 30)")
+    shut = 'def Cube "Box"\n{\n    double size = 50\n}\n'
+    assert find(glowing, light="") == ()
+    found = find(shut + glowing, light="", camera=beyond)
+    assert ("warning", "/Camera", "UnlitCamera") in told(found)
+
+
 def test_all_values_of_a_medium_that_are_wrong_are_told(find) -> None:
     values = "float inputs:fgf:hurst = -3\nfloat inputs:fgf:asymmetry = 1\nint inputs:fgf:hearst = 1\n"
     found = told(

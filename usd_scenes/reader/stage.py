@@ -80,7 +80,7 @@ class StageSurvey:
     Args:
         shapes: those that are accepted.
         media: that they are filled with.
-        lights: those that are accepted, or the default dome.
+        lights: those that are accepted, or the default ones where nothing else gives light.
         camera: the one that is taken where none is asked for, or None where it is refused.
         refusals: for what reading would stop.
     """
@@ -193,7 +193,9 @@ def survey_stage(stage: Usd.Stage) -> StageSurvey:
         if prim:
             read_shutter(prim, context)
         Scene(camera=camera, shapes=tuple(shapes), media=materials.media)
-    return StageSurvey(tuple(shapes), materials.media, tuple(lights) or (DEFAULT_DOME,), camera, tuple(refusals))
+    if _is_dark(lights, shapes):
+        lights = [DEFAULT_DOME] if camera is None else [*default_lights(camera)]
+    return StageSurvey(tuple(shapes), materials.media, tuple(lights), camera, tuple(refusals))
 
 
 def stage_context(stage: Usd.Stage, refusals: list[FgfError] | None = None) -> StageContext:
@@ -227,7 +229,7 @@ def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticT
     if not shapes:
         context.notes.add("no geometry: only the lights are seen; a medium needs a closed shape that it is bound to")
     camera = read_camera(camera_prim, context) if camera_prim else default_camera(shapes, context.up_axis)
-    if not lights and not any(shape.surface and shape.surface.emits for shape in shapes):
+    if _is_dark(lights, shapes):
         context.notes.add("no light: a dim environment and a light from beside the camera are used")
         lights = [*default_lights(camera)]
     scene = Scene(
@@ -266,6 +268,11 @@ def _read_prims(context: StageContext, materials: MaterialReader) -> tuple[list[
     with context.going_on():
         linked_lights, linked_shapes = link_lights(lights, placed, context)
     return linked_shapes, linked_lights
+
+
+def _is_dark(lights: Sequence[Light], shapes: Sequence[Shape]) -> bool:
+    """True where nothing gives light, neither a light nor a surface that glows."""
+    return not lights and not any(shape.surface and shape.surface.emits for shape in shapes)
 
 
 def _is_unsupported(prim: Usd.Prim) -> bool:

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from fgf_warp.scene import (
-    BLACK,
     AreaLight,
     DistantLight,
     DomeLight,
@@ -78,7 +77,7 @@ def lit_compartments(walls: Walls, shapes: Sequence[Shape], lights: Sequence[Lig
     """Those that some light shines in: of the scene's lights, or of shapes that emit to both sides."""
     lit = {compartment_of(light, walls) for light in lights}
     for shape in shapes:
-        if shape.surface is not None and shape.surface.emission != BLACK:
+        if shape.surface is not None and shape.surface.emits:
             for outside in compartments_of(shape, walls):
                 lit |= {outside, outside | {shape.name}}
     return lit

@@ -7,6 +7,7 @@ from pxr import Usd, UsdShade, UsdValidation
 from fgf_warp.errors import SceneError
 from usd_scenes import schema
 from usd_scenes.reader.context import StageContext
+from usd_scenes.reader.materials import RENDER_CONTEXT
 from usd_scenes.reader.medium import ends_in_surface, medium_problems
 from usd_scenes.reader.stage import stage_context
 from usd_scenes.validation.findings import error, refusal, warning
@@ -41,7 +42,7 @@ def check_terminals(prim: Usd.Prim, _times: object) -> Errors:
         needs_surface = ends_in_surface(prim, _context(prim))
     except SceneError as problem:
         return [*found, refusal("UnknownBoundary", prim.GetStage(), str(problem))]
-    if needs_surface and not UsdShade.Material(prim).ComputeSurfaceSource()[0]:
+    if needs_surface and not UsdShade.Material(prim).ComputeSurfaceSource(RENDER_CONTEXT)[0]:
         text = (
             f"{schema.BOUNDARY_ATTRIBUTE} = surface, and the material has none, so that an opaque one in the display "
             f"color hides the medium; accepted: a connected outputs:surface, or {schema.BOUNDARY_ATTRIBUTE} = none"
