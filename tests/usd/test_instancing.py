@@ -177,6 +177,26 @@ def test_velocities_move_instances_between_the_shutters_times(read) -> None:
     assert moving.mesh is resting.mesh
 
 
+REST, LIFTED = "[(0, 0, 0), (1, 0, 0), (0, 1, 0)]", "[(0, 0, 1), (1, 0, 0), (0, 1, 0)]"
+
+
+@pytest.mark.parametrize(
+    ("lines", "is_told"),
+    [
+        (f"point3f[] points.timeSamples = {{1: {REST}, 2: {LIFTED}}}", True),
+        (f"point3f[] points.timeSamples = {{1: {REST}, 2: {REST}}}", False),
+        (f"point3f[] points = {REST}\n vector3f[] velocities = [(0, 0, 1), (0, 0, 0), (0, 0, 0)]", True),
+    ],
+)
+@pytest.mark.parametrize("closing", [0, 0.5])
+def test_points_that_move_while_the_shutter_is_open_are_named(read, lines: str, is_told: bool, closing: float) -> None:
+    triangle = TRIANGLE.replace(f"point3f[] points = {REST}", lines)
+    camera = f'def Camera "Camera"\n{{\n    double shutter:close = {closing}\n}}\n'
+    warnings = read(triangle, camera=camera, frame=1.0).warnings
+    text = "points that move while the shutter is open are not supported: they rest where they are at the frame: /M"
+    assert (text in warnings) == (is_told and closing > 0)
+
+
 def test_a_mesh_that_moves_is_an_instance_with_a_closing_transform(read) -> None:
     shutter = 'def Camera "Camera"\n{\n double shutter:open = 0\n double shutter:close = 1\n}\n'
     move = """double3 xformOp:translate.timeSamples = { 0: (0, 0, 0), 2: (4, 0, 0) }

@@ -105,6 +105,7 @@ class MeshForm(Form):
     def __init__(self, prim: Usd.Prim, context: StageContext) -> None:
         mesh = UsdGeom.Mesh(prim)
         points = read_array(mesh.GetPointsAttr(), context.time, np.float64, width=3)
+        _note_deformation(mesh, context)
         self._prim = prim
         self._cage = _topology(mesh, context, len(points))
         self._refinement = read_refinement(mesh, self._cage, context)
@@ -328,6 +329,16 @@ def _moved_normals(normals: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     moved = normals @ (cofactors.T / (scale or 1)).astype(np.float32)
     lengths = np.sqrt(np.einsum("...i,...i->...", moved, moved))[..., None]
     return moved / np.where(lengths > 0, lengths, 1)
+
+
+def _note_deformation(mesh: UsdGeom.Mesh, context: StageContext) -> None:
+    if context.shutter is None:
+        return
+    points, velocities = mesh.GetPointsAttr(), mesh.GetVelocitiesAttr().Get(context.time)
+    changes = points.ValueMightBeTimeVarying() and not np.array_equal(*(points.Get(t) for t in context.shutter))
+    if changes or np.any(velocities or ()):
+        text = "points that move while the shutter is open are not supported: they rest where they are at the frame"
+        context.notes.add(text, mesh.GetPath())
 
 
 def _topology(mesh: UsdGeom.Mesh, context: StageContext, n_points: int) -> Polygons:
