@@ -342,3 +342,11 @@ def test_levels_are_lowered_where_there_would_be_too_many_triangles(read, monkey
     reading = read(QUAD + "}", complexity="high")
     assert len(reading.scene.shapes[0].triangles) == 8
     assert "2 levels of subdivision are more than 10 triangles: 1 are used: /M" in reading.warnings
+
+
+@pytest.mark.parametrize(
+    "name", ["subdivisionScheme", "interpolateBoundary", "faceVaryingLinearInterpolation", "triangleSubdivisionRule"]
+)
+def test_unknown_rules_are_refused(read, name: str) -> None:
+    with pytest.raises(SceneError, match=rf"/M\.{name} = wavy; accepted: "):
+        read(QUAD + f'token {name} = "wavy"\n}}')

@@ -17,7 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from fgf_warp.errors import SceneError
-from usd_scenes.reader.attributes import read_array
+from usd_scenes.reader.attributes import read_array, read_token
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.primvars import Polygons, Primvar
 
@@ -27,6 +27,11 @@ INFINITE_SHARPNESS = 10.0
 """From here on a crease never gets smooth, as in OpenSubdiv."""
 SMOOTH_TRIANGLE_WEIGHT = 0.470
 """Of a triangle's face point in the new point of its edge, for the triangle rule ``smooth`` (OpenSubdiv)."""
+
+SCHEMES = ("catmullClark", "loop", "bilinear", "none")
+BOUNDARIES = ("none", "edgeOnly", "edgeAndCorner")
+FACE_VARYING = ("none", "cornersOnly", "cornersPlus1", "cornersPlus2", "boundaries", "all")
+TRIANGLE_RULES = ("catmullClark", "smooth")
 
 Apply = Callable[[np.ndarray], np.ndarray]
 
@@ -183,17 +188,19 @@ def read_refinement(mesh: UsdGeom.Mesh, cage: Polygons, context: StageContext) -
     """How a mesh is refined; None where it is no subdivision surface.
 
     Raises:
-        SceneError: for creases or corners that do not fit the mesh.
+        SceneError: for creases or corners that do not fit the mesh, or an unknown rule.
     """
     path = mesh.GetPath()
-    rules = Rules(
-        scheme=mesh.GetSubdivisionSchemeAttr().Get(context.time) or "catmullClark",
-        boundary=mesh.GetInterpolateBoundaryAttr().Get(context.time),
-        face_varying=mesh.GetFaceVaryingLinearInterpolationAttr().Get(context.time),
-        smooth_triangles=mesh.GetTriangleSubdivisionRuleAttr().Get(context.time) == "smooth",
-    )
-    if rules.scheme == "none" or not len(cage.counts):
+    scheme = read_token(mesh.GetSubdivisionSchemeAttr(), context.time, SCHEMES) or "catmullClark"
+    if scheme == "none" or not len(cage.counts):
         return None
+    rules = Rules(
+        scheme=scheme,
+        boundary=read_token(mesh.GetInterpolateBoundaryAttr(), context.time, BOUNDARIES) or "edgeAndCorner",
+        face_varying=read_token(mesh.GetFaceVaryingLinearInterpolationAttr(), context.time, FACE_VARYING)
+        or "cornersPlus1",
+        smooth_triangles=read_token(mesh.GetTriangleSubdivisionRuleAttr(), context.time, TRIANGLE_RULES) == "smooth",
+    )
     if rules.scheme == "loop" and (cage.counts != 3).any():
         context.notes.add("loop subdivision of faces that are no triangles: catmullClark is used", path)
         rules = Rules("catmullClark", rules.boundary, rules.face_varying, rules.smooth_triangles)
