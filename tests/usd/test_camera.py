@@ -117,6 +117,8 @@ def test_an_orthographic_camera_sees_its_aperture(read) -> None:
 
 
 def test_a_lens_is_read(read) -> None:
+    unfocused = film('token projection = "orthographic"\nfloat fStop = 2')
+    assert not read(unfocused, camera="").scene.camera.has_lens
     camera = read(film("float fStop = 2.8\nfloat focusDistance = 7.5\nfloat focalLength = 35"), camera="").scene.camera
     assert (camera.f_stop, camera.focus_distance, camera.focal_length) == (2.8, 7.5, 35)
     assert camera.has_lens

@@ -75,7 +75,7 @@ def read_camera(prim: Usd.Prim, context: StageContext) -> Camera:
     camera = UsdGeom.Camera(prim)
     time = context.time
     projection = read_token(camera.GetProjectionAttr(), time, PROJECTIONS)
-    f_stop, focus_distance = _focus(camera, time)
+    f_stop, focus_distance = _focus(camera, time, has_lens=projection != "orthographic")
     _note_what_is_not_read(camera, context)
     return Camera(
         name=str(prim.GetPath()),
@@ -148,12 +148,13 @@ def _positive(attribute: Usd.Attribute, time: Usd.TimeCode) -> float:
     return read_number(attribute, time, accepted="> 0", holds=lambda x: x > 0)
 
 
-def _focus(camera: UsdGeom.Camera, time: Usd.TimeCode) -> tuple[float, float]:
-    """The f-number, and the distance of what is sharp [stage unit]."""
+def _focus(camera: UsdGeom.Camera, time: Usd.TimeCode, *, has_lens: bool) -> tuple[float, float]:
+    """The f-number, and the distance of what is sharp [stage unit], which only a lens needs."""
     f_stop = read_number(camera.GetFStopAttr(), time, accepted=">= 0", holds=lambda x: x >= 0)
-    accepted = f"> 0 with fStop = {f_stop:g}; a pinhole has fStop = 0" if f_stop > 0 else ">= 0"
+    needs_distance = has_lens and f_stop > 0
+    accepted = f"> 0 with fStop = {f_stop:g}; a pinhole has fStop = 0" if needs_distance else ">= 0"
     distance = read_number(
-        camera.GetFocusDistanceAttr(), time, accepted=accepted, holds=lambda x: x > 0 or x == f_stop == 0
+        camera.GetFocusDistanceAttr(), time, accepted=accepted, holds=lambda x: x > 0 or (x == 0 and not needs_distance)
     )
     return f_stop, distance
 
