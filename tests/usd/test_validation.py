@@ -166,6 +166,12 @@ def test_what_is_authored_for_other_renderers_is_no_error(tmp_path: Path) -> Non
     assert validate_stage(tmp_path / "stage.usda") == ()
 
 
+def test_a_plane_with_a_medium_is_told_of_once(find) -> None:
+    plane = CURVES.replace("BasisCurves", "Plane")
+    (finding,) = find(plane + medium_sphere(""))
+    assert told((finding,)) == [("error", "/Hair", "NothingToFill")]
+
+
 def test_a_shader_that_this_usd_does_not_know_is_no_error(find) -> None:
     (finding,) = find('def Shader "Stone"\n{\n    uniform token info:id = "Stone"\n}\n')
     assert (finding.severity, finding.path) == ("warning", "/Stone.info:id")

@@ -24,7 +24,7 @@ OF_THE_INSTALLATION = (
 )
 """What USD calls errors of the stage, though it only says that no such shader of another renderer is installed."""
 OURS = "usd_scenes.validation:"
-REFUSED = "Refused"
+REFUSED, OPEN_MESH = "Refused", "OpenMediumMesh"
 UNKNOWN_SHADER = "MissingShaderIdInRegistry"
 """What USD's validators call a shader that they do not know."""
 MATERIALX_PREFIX = "ND_"
@@ -141,4 +141,4 @@ def _is_ours(finding: Finding) -> bool:
 
 
 def _is_refusal(finding: Finding) -> bool:
-    return finding.validator == f"{OURS}Scene.{REFUSED}"
+    return finding.validator in (f"{OURS}Scene.{REFUSED}", f"{OURS}Scene.{OPEN_MESH}")

@@ -19,7 +19,7 @@ from usd_scenes.validation.compartments import (
     is_opaque,
     lit_compartments,
 )
-from usd_scenes.validation.findings import REFUSED, error, info, refusal, warning
+from usd_scenes.validation.findings import OPEN_MESH, REFUSED, error, info, refusal, warning
 
 DEPTH_MIN, DEPTH_MAX = 1e-4, 1e4
 """Mean optical depths across a medium, beyond which it is clear or opaque whatever else is true of it."""
@@ -45,7 +45,7 @@ def _refusals(stage: Usd.Stage, survey: StageSurvey) -> Errors:
 
 
 def _refusal(stage: Usd.Stage, problem: FgfError) -> UsdValidation.ValidationError:
-    return refusal("OpenMediumMesh" if isinstance(problem, OpenMeshError) else REFUSED, stage, str(problem))
+    return refusal(OPEN_MESH if isinstance(problem, OpenMeshError) else REFUSED, stage, str(problem))
 
 
 def _count(stage: Usd.Stage, survey: StageSurvey) -> Errors:
