@@ -210,6 +210,11 @@ class TextureRows:
         return result
 
 
+def _names_read(surface: Surface) -> list[str]:
+    """Of the primvars that it reads; a texture that is read at one place has an empty one, which no shape has."""
+    return sorted({value.primvar for value in surface.inputs})
+
+
 class ShadingRows:
     """Materials and what they read, on their way to the device; of the same surface or array there is one."""
 
@@ -228,7 +233,7 @@ class ShadingRows:
         assert shape.surface is not None
         material = self._add_surface(shape.surface)
         carrier: Solid | Mesh = shape.mesh if isinstance(shape, MeshInstance) else shape
-        reads = shape.surface.primvars or shape.surface.normal is not None
+        reads = shape.surface.inputs or shape.surface.normal is not None
         normals = carrier.normals if isinstance(carrier, Mesh) else None
         if not reads and normals is None:
             return material, 0, -1
@@ -246,7 +251,7 @@ class ShadingRows:
         return material, first, normals_at
 
     def _views_of_shape(self, surface: Surface, carrier: Solid | Mesh) -> list[tuple[int, int, int]]:
-        found = [self._view_of_primvar(carrier.primvars, name) for name in sorted(surface.primvars)]
+        found = [self._view_of_primvar(carrier.primvars, name) for name in _names_read(surface)]
         if surface.normal is not None:
             found.append(self._view_of_tangents(surface.normal, carrier))
         return found
@@ -279,7 +284,7 @@ class ShadingRows:
     def _add_surface(self, surface: Surface) -> int:
         if id(surface) not in self._surfaces:
             self._surfaces[id(surface)] = (len(self._surfaces), surface)
-            places = {name: place for place, name in enumerate(sorted(surface.primvars))}
+            places = {name: place for place, name in enumerate(_names_read(surface))}
             self._inputs += [self._input(getattr(surface, name), places) for name in INPUTS]
         return self._surfaces[id(surface)][0]
 

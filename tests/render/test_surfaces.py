@@ -126,6 +126,15 @@ def test_a_cutout():
     assert np.allclose(result.alpha[:, 17:], 1)
 
 
+def test_a_texture_that_reads_no_coordinates_is_read_at_one_place():
+    """The middle of its right texel, on a shape that has coordinates."""
+    image = texture_of([[[0, 0, 0, 1], [0.25, 0.5, 0.75, 1]]], wrap_s="clamp")
+    emission = TextureInput(image, primvar="", st=(0.75, 0.5))
+    view = camera((0, 0, 5), (0, 0, 0), aperture=0.4)
+    result = render(Scene(view, (quad(Surface(BLACK, emission=emission)),), (), DOME), SETTINGS)
+    assert np.allclose(result.radiance, (0.25, 0.5, 0.75))
+
+
 def test_a_textured_quad_shows_its_texels():
     """Of 8 x 8 texels, each over 4 x 4 pixels, the bilinear; in world space and as an instance."""
     texels = np.random.default_rng(3).random((8, 8, 4)).astype(np.float32)

@@ -434,14 +434,14 @@ def cut_off(text: str, rng: random.Random) -> str:
 
 
 MUTATIONS: dict[Callable[[str, random.Random], str], int] = {
-    replace_number: 6,
-    change_type: 3,
+    replace_number: 10,
+    shorten_array: 4,
+    empty_array: 3,
     change_prim: 3,
     swap_words: 3,
     delete_line: 3,
+    change_type: 2,
     repeat_line: 1,
-    empty_array: 2,
-    shorten_array: 2,
     flip_byte: 1,
     drop_bracket: 1,
     cut_off: 1,

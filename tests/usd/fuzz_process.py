@@ -25,6 +25,8 @@ from usd_scenes.reader import read_scene
 
 SIZE = 8
 SETTINGS = RenderSettings(width=SIZE, height=SIZE, spp=1, aovs=frozenset({Aov.VARIANCE}))
+PROGRESS = "━"
+"""What lines with a bar hold."""
 OPTIONS = [
     "--imageWidth",
     str(SIZE),
@@ -49,7 +51,8 @@ def answer(path: Path) -> dict[str, str]:
         return {"kind": "raised", "text": "".join(traceback.format_exception(done.exception))}
     if left:
         return {"kind": "littered", "text": ", ".join(left)}
-    errors = [line for line in done.stderr.splitlines() if line and not line.startswith("warning: ")]
+    lines = [line for line in done.stderr.splitlines() if line.strip() and PROGRESS not in line]
+    errors = [line for line in lines if not line.startswith("warning: ")]
     if done.exit_code == 0 and not errors:
         read_exr(image)
         return {"kind": "rendered", "text": ""}
@@ -110,7 +113,7 @@ def main() -> None:
         return prepare(companion.beside(scene), settings)
 
     renderer.required_features = lambda _scene, _settings: companion.features
-    prepare(companion.scene, SETTINGS)
+    render(companion.scene, SETTINGS)
     renderer.prepare = prepare_both
     renderer.render = lambda scene, settings, progress: render(companion.beside(scene), settings, progress)
     print("ready", file=out)
