@@ -145,7 +145,9 @@ class SceneData:
     """Of solids and instances that move."""
     meshes: Bvh
     surfaces: wp.array(dtype=Surface)
-    shading: Shading
+    shading: wp.array(dtype=Shading)
+    light_tables: wp.array(dtype=LightTables)
+    """One of each: functions take the scene by value, and it should not be large."""
     media: wp.array(dtype=Medium)
     """Of all images, image after image."""
     media_count: int
@@ -159,7 +161,6 @@ class SceneData:
     container_drifts: wp.array(dtype=Drift)
     """Of each of the surfaces and the containers, where a plane tells of motion."""
     lights: wp.array(dtype=Light)
-    light_tables: LightTables
     camera_inside: wp.uint32
     """Containers around what camera rays begin at, where they are the same for all."""
     camera_ior: float
@@ -479,13 +480,13 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func
-    def look_at_meshes(scene: SceneData, before: Path) -> Path:
+    def look_at_meshes(meshes: Bvh, surfaces: wp.array(dtype=Surface), before: Path) -> Path:
         path = before
-        path.hit = intersect_meshes(scene.meshes, before.origin, before.direction, before.start, before.hit)
+        path.hit = intersect_meshes(meshes, before.origin, before.direction, before.start, before.hit)
         if wp.static(has_surfaces and not shades):
             if path.hit.t < before.hit.t and path.hit.kind == SURFACE:
-                path.albedo = scene.surfaces[path.hit.item].diffuse
-                path.met = scene.surfaces[path.hit.item].emission
+                path.albedo = surfaces[path.hit.item].diffuse
+                path.met = surfaces[path.hit.item].emission
         return path
 
     @wp.func(inline=True)
@@ -525,8 +526,8 @@ def build_program(features: RenderFeatures) -> Program:
             is_found = light.casters == wp.uint32(0) or path.pdf_direction == CAMERA_RAY
             if not (shines_on(light, path.links) and is_found):
                 return wp.vec3(0.0)
-        pdf = any_light_pdf(light, scene.light_tables, path.hit, path.origin, position, path.direction)
-        radiance = any_radiance(light, scene.light_tables, path.hit, position, path.direction)
+        pdf = any_light_pdf(light, scene.light_tables[0], path.hit, path.origin, position, path.direction)
+        radiance = any_radiance(light, scene.light_tables[0], path.hit, position, path.direction)
         return radiance * hit_weight(path, pdf * chance(light))
 
     @wp.func
@@ -555,7 +556,7 @@ def build_program(features: RenderFeatures) -> Program:
     @wp.func
     def read_shade(scene: SceneData, hit: Hit, direction: wp.vec3, start: Start) -> Shade:
         """The surface at a hit, ready to be evaluated."""
-        look = scene.shading.looks[hit.item]
+        look = scene.shading[0].looks[hit.item]
         normals_to_world = wp.identity(n=3, dtype=float)
         axes = wp.identity(n=3, dtype=float)
         if wp.static(features.instances):
@@ -564,12 +565,12 @@ def build_program(features: RenderFeatures) -> Program:
                 normals_to_world = wp.transpose(placement.to_object)
                 axes = wp.inverse(placement.to_object)
         is_within = look.container >= 0 and is_inside(start.inside, look.container)
-        surface = read_surface(scene.shading, look, hit, direction, is_within, normals_to_world, axes)
+        surface = read_surface(scene.shading[0], look, hit, direction, is_within, normals_to_world, axes)
         if wp.static(refracts):
             if look.container >= 0:
                 beyond = cross_boundary(start.inside, look.container)
                 surface.bsdf = put_glass(scene, surface.bsdf, start.inside, beyond)
-        surface.bsdf = prepare_bsdf(scene.shading.albedos, surface.bsdf, -direction)
+        surface.bsdf = prepare_bsdf(scene.shading[0].albedos, surface.bsdf, -direction)
         return surface
 
     @wp.func
@@ -590,8 +591,8 @@ def build_program(features: RenderFeatures) -> Program:
             second = scene.containers[there].ior_number
         if ior_here != ior_there:
             bsdf.eta = ior_there / ior_here
-            bsdf.front = scene.shading.glass[first * scene.shading.glass_count + second]
-            bsdf.back = scene.shading.glass[second * scene.shading.glass_count + first]
+            bsdf.front = scene.shading[0].glass[first * scene.shading[0].glass_count + second]
+            bsdf.back = scene.shading[0].glass[second * scene.shading[0].glass_count + first]
         return bsdf
 
     @wp.func
@@ -636,7 +637,7 @@ def build_program(features: RenderFeatures) -> Program:
     def shade(scene: SceneData, before: Path, seed: wp.uint64):
         """What becomes of a path that reaches a surface, and the surface, lane by lane."""
         path = before
-        container = scene.shading.looks[before.hit.item].container
+        container = scene.shading[0].looks[before.hit.item].container
         path.start.crossed = container
         path.keeps = 0
         if is_hidden(scene, container, before.start.inside):
@@ -655,7 +656,7 @@ def build_program(features: RenderFeatures) -> Program:
             if before.depth == 0:
                 path.first_normal = bsdf.normal
         chooses = rescale(more[0], bsdf.p_pass, 1.0 - bsdf.p_pass)
-        s = sample_bsdf(scene.shading.albedos, bsdf, wp.vec4(before.xi[2], before.xi[3], chooses, more[1]))
+        s = sample_bsdf(scene.shading[0].albedos, bsdf, wp.vec4(before.xi[2], before.xi[3], chooses, more[1]))
         path.wi = s.wi
         path.albedo = s.weight
         path.pdf_direction = wp.where(s.is_delta == 1, CAMERA_RAY, s.pdf)
@@ -1011,7 +1012,7 @@ def build_program(features: RenderFeatures) -> Program:
                     straight = straight_share(scene, hit, direction, start)
                     result.transmittance = wp.cw_mul(result.transmittance, straight)
                     lets_through = max_component(straight) > 0.0
-                    gate = scene.shading.looks[hit.item].container
+                    gate = scene.shading[0].looks[hit.item].container
                     if gate < 0:
                         start.passed = hit.t
             if wp.static(features.media):
@@ -1044,8 +1045,8 @@ def build_program(features: RenderFeatures) -> Program:
     @wp.func
     def straight_share(scene: SceneData, hit: Hit, direction: wp.vec3, start: Start) -> wp.vec3:
         """Of light that meets a surface, what passes straight on."""
-        look = scene.shading.looks[hit.item]
-        if scene.shading.materials[look.material].may_pass == 0:
+        look = scene.shading[0].looks[hit.item]
+        if scene.shading[0].materials[look.material].may_pass == 0:
             return wp.vec3(0.0)
         if is_hidden(scene, look.container, start.inside):
             return wp.vec3(1.0)
@@ -1093,7 +1094,7 @@ def build_program(features: RenderFeatures) -> Program:
         """What the connection brings by way of a surface, in the place of what it would bring in a medium."""
         path = before
         path.light_share = wp.vec3(0.0)
-        scattered = eval_bsdf(scene.shading.albedos, bsdf, towards.direction)
+        scattered = eval_bsdf(scene.shading[0].albedos, bsdf, towards.direction)
         pdf_light = towards.pdf_solid_angle * pdf_choice
         if pdf_light > 0.0:
             mis_weight = wp.where(towards.only_connected == 1, 1.0, power_heuristic(pdf_light, scattered[3]))
@@ -1106,7 +1107,7 @@ def build_program(features: RenderFeatures) -> Program:
     def face_light(scene: SceneData, before: Path, direction: wp.vec3) -> Path:
         """The path at a surface that light may enter, on the side from which the light comes."""
         path = before
-        container = scene.shading.looks[before.hit.item].container
+        container = scene.shading[0].looks[before.hit.item].container
         is_beyond = wp.dot(before.hit.normal, direction) < 0.0
         if container >= 0 and is_beyond != (before.transmits == 1):
             path = change_side(scene, before, container)
@@ -1127,7 +1128,7 @@ def build_program(features: RenderFeatures) -> Program:
         light = scene.lights[choose_light(scene.lights, xi[0])]
         towards = LightSample()
         if wp.static(features.intricate_lights):
-            towards = sample_any_light(light, scene.light_tables, path.origin, xi[1], xi[2])
+            towards = sample_any_light(light, scene.light_tables[0], path.origin, xi[1], xi[2])
         else:
             towards = sample_light(light, light.kind, path.origin, xi[1], xi[2])
         if wp.static(features.links):
@@ -1187,10 +1188,10 @@ def build_program(features: RenderFeatures) -> Program:
         return block(before, light_distance(light, kind, before.origin, before.to_light))
 
     @wp.func
-    def block_by_meshes(scene: SceneData, before: Path) -> Path:
+    def block_by_meshes(meshes: Bvh, before: Path) -> Path:
         nearest = Hit()
         nearest.t = before.light_distance
-        hit = intersect_meshes(scene.meshes, before.origin, before.to_light, before.start, nearest)
+        hit = intersect_meshes(meshes, before.origin, before.to_light, before.start, nearest)
         return block(before, hit.t)
 
     @wp.func(inline=True)
@@ -1452,7 +1453,7 @@ def build_program(features: RenderFeatures) -> Program:
         if wp.static(has_solids):
             path = look_at_solids(scene, path)
         if wp.static(features.meshes):
-            path = look_at_meshes(scene, path)
+            path = look_at_meshes(scene.meshes, scene.surfaces, path)
         if wp.static(features.intricate_lights):
             path = look_at_lights(scene, path)
         else:
@@ -1669,7 +1670,7 @@ def build_program(features: RenderFeatures) -> Program:
                 for i in range(LANES):
                     path = load(lanes, i)
                     if path.alive == 1:
-                        store(lanes, i, look_at_meshes(scene, path))
+                        store(lanes, i, look_at_meshes(scene.meshes, scene.surfaces, path))
             if wp.static(features.intricate_lights):
                 for i in range(LANES):
                     path = load(lanes, i)
@@ -1751,7 +1752,7 @@ def build_program(features: RenderFeatures) -> Program:
                     for i in range(LANES):
                         path = load(lanes, i)
                         if max_component(path.light_share) > 0.0:
-                            store(lanes, i, block_by_meshes(scene, path))
+                            store(lanes, i, block_by_meshes(scene.meshes, path))
                 if wp.static(lone_solid):
                     for i in range(LANES):
                         path = load(lanes, i)

@@ -13,6 +13,8 @@ import warp as wp
 
 from fgf_warp.device import camera as camera_device
 from fgf_warp.device import drift, law, medium, numerics, phase, surfaces, tables
+from fgf_warp.device.lights import LightTables
+from fgf_warp.device.shading import Shading
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import LAW_KINDS, Limits, SceneData
 from fgf_warp.scene import (
@@ -50,10 +52,12 @@ class UploadedScene:
     Args:
         data: the kernel's view of it.
         limits: the kernel's view of the settings.
+        kept: what `data` has the addresses of.
     """
 
     data: Any
     limits: Any
+    kept: tuple[Any, ...]
 
 
 def upload(
@@ -100,8 +104,10 @@ def upload(
     data.surfaces = wp.array(
         [_surface(s) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
     )
+    kept = []
     if shading:
-        data.shading = build_device_shading(shapes, containers, device)
+        kept.append(build_device_shading(shapes, containers, device))
+        data.shading = wp.array(kept, dtype=Shading, device=device)
     data.media = wp.array(media, dtype=medium.Medium, device=device)
     data.media_count = len(scene.media)
     data.tables = rows.upload(device)
@@ -110,7 +116,8 @@ def upload(
     if Aov.MOTION in settings.aovs:
         data.surface_drifts = _drifts([shape for shape in shapes if shape.surface is not None], device)
         data.container_drifts = _drifts(containers, device)
-    data.lights, data.light_tables = build_device_lights(scene, containers, device)
+    data.lights, light_tables = build_device_lights(scene, containers, device)
+    data.light_tables = wp.array([light_tables], dtype=LightTables, device=device)
     low, high = scene.camera.start_bounds(settings.width, settings.height)
     inside = containers_around((low + high) / 2, containers)
     data.camera_inside = wp.uint32(inside)
@@ -125,7 +132,7 @@ def upload(
     limits = Limits()
     limits.max_depth = settings.max_depth
     limits.roulette_depth = settings.roulette_depth
-    return UploadedScene(data, limits)
+    return UploadedScene(data, limits, (*kept, light_tables))
 
 
 def _bare(shape: Shape) -> Shape:
