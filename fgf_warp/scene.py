@@ -1208,6 +1208,8 @@ def _check_vector(name: str, key: str, vector: Vec3) -> None:
 def _check_matrix(name: str, key: str, matrix: np.ndarray) -> None:
     if matrix.shape != (4, 4) or not _is_finite(matrix) or np.linalg.det(matrix[:3, :3]) == 0:
         raise SceneError(f"{name}: {key} must be a finite, invertible 4x4 matrix")
+    if not _is_finite(np.linalg.inv(matrix)):
+        raise SceneError(f"{name}: {key} is too far away for its size; accepted: an inverse below {FLOAT32_MAX:.3g}")
 
 
 def _is_finite(values: np.ndarray) -> bool:

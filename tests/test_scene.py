@@ -132,3 +132,11 @@ def test_the_mean_cosine_is_the_phase_functions(parameters, evaluate):
     cosines, weights = np.polynomial.legendre.leggauss(200)
     mean = 2 * np.pi * (weights * cosines * evaluate(1 - cosines)).sum()
     assert medium(**parameters).mean_cosine == pytest.approx(mean, abs=1e-12)
+
+
+def test_a_solid_too_far_away_for_its_size_is_refused():
+    """Its inverse overflows float32, though the matrix does not."""
+    matrix = np.diag([0.2, 0.2, 0.2, 1.0])
+    matrix[0, 3] = 1e38
+    with pytest.raises(SceneError, match="/ball: object_to_world is too far away for its size"):
+        Solid("/ball", "sphere", matrix)
