@@ -141,7 +141,10 @@ def test_exposure_is_that_of_usd(read) -> None:
     [
         ("float focalLength = 0", "/Film.focalLength = 0; accepted: > 0"),
         ("float fStop = -1", "/Film.fStop = -1; accepted: >= 0"),
-        ("float fStop = 2", "/Film.focusDistance = 0; accepted: > 0 with fStop = 2; a pinhole has fStop = 0"),
+        (
+            "float fStop = 2\nfloat focusDistance = 0",
+            "/Film.focusDistance = 0; accepted: > 0 with fStop = 2; a pinhole has fStop = 0",
+        ),
         ("float2 clippingRange = (3, 2)", r"/Film.clippingRange = \(3, 2\); accepted: two numbers, 0 <= near < far"),
         ("float2 clippingRange = (-1, 2)", r"/Film.clippingRange = \(-1, 2\); accepted"),
         ('token projection = "fisheye"', "/Film.projection = fisheye; accepted: perspective, orthographic"),
@@ -152,6 +155,12 @@ def test_exposure_is_that_of_usd(read) -> None:
 def test_bad_cameras_are_refused(read, body: str, message: str) -> None:
     with pytest.raises(SceneError, match=r"stage.usda: .*" + message):
         read(film(body), camera="")
+
+
+def test_a_lens_that_is_focused_nowhere_is_a_pinhole_by_name(read) -> None:
+    reading = read(film("float fStop = 2") + 'def Sphere "Ball"\n{\n}', camera="")
+    assert reading.scene.camera.f_stop == 0
+    assert reading.warnings == ("fStop without a focusDistance is not used: the camera is a pinhole: /Film",)
 
 
 def test_what_a_camera_ignores_is_named(read) -> None:

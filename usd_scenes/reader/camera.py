@@ -75,7 +75,7 @@ def read_camera(prim: Usd.Prim, context: StageContext) -> Camera:
     camera = UsdGeom.Camera(prim)
     time = context.time
     projection = read_token(camera.GetProjectionAttr(), time, PROJECTIONS)
-    f_stop, focus_distance = _focus(camera, time, has_lens=projection != "orthographic")
+    f_stop, focus_distance = _focus(camera, context, has_lens=projection != "orthographic")
     _note_what_is_not_read(camera, context)
     return Camera(
         name=str(prim.GetPath()),
@@ -148,15 +148,16 @@ def _positive(attribute: Usd.Attribute, time: Usd.TimeCode) -> float:
     return read_number(attribute, time, accepted="> 0", holds=lambda x: x > 0)
 
 
-def _focus(camera: UsdGeom.Camera, time: Usd.TimeCode, *, has_lens: bool) -> tuple[float, float]:
-    """The f-number, and the distance of what is sharp [stage unit], which only a lens needs."""
-    f_stop = read_number(camera.GetFStopAttr(), time, accepted=">= 0", holds=lambda x: x >= 0)
-    needs_distance = has_lens and f_stop > 0
-    accepted = f"> 0 with fStop = {f_stop:g}; a pinhole has fStop = 0" if needs_distance else ">= 0"
-    distance = read_number(
-        camera.GetFocusDistanceAttr(), time, accepted=accepted, holds=lambda x: x > 0 or (x == 0 and not needs_distance)
-    )
-    return f_stop, distance
+def _focus(camera: UsdGeom.Camera, context: StageContext, *, has_lens: bool) -> tuple[float, float]:
+    """f-stop, 0 for a pinhole, and the distance of what is sharp."""
+    f_stop = read_number(camera.GetFStopAttr(), context.time, accepted=">= 0", holds=lambda x: x >= 0)
+    distance = camera.GetFocusDistanceAttr()
+    if has_lens and f_stop > 0:
+        if is_authored(distance):
+            accepted = f"> 0 with fStop = {f_stop:g}; a pinhole has fStop = 0"
+            return f_stop, read_number(distance, context.time, accepted=accepted, holds=lambda x: x > 0)
+        context.notes.add("fStop without a focusDistance is not used: the camera is a pinhole", camera.GetPath())
+    return 0.0, read_number(distance, context.time, accepted=">= 0", holds=lambda x: x >= 0)
 
 
 def _clipping_range(attribute: Usd.Attribute, time: Usd.TimeCode) -> tuple[float, float]:
