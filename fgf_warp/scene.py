@@ -62,6 +62,8 @@ CONFORM_POLICIES: tuple[ConformPolicy, ...] = (
 )
 START_ROUNDING = 1e-5
 """Of coordinates in float32, amply and relative: camera rays that begin so near a shape may begin in it."""
+FILM_MAX = 1e6
+"""Of lengths of a perspective camera's film over its focal length: float32 cannot tell flatter rays from each other."""
 APERTURE_UNIT = 0.1
 """Of lengths of film and lens [stage unit]: UsdGeom.Camera has them in tenths."""
 
@@ -123,6 +125,11 @@ class Camera:
             _check_range(self.name, key, getattr(self, key), "> 0", lambda x: x > 0)
         for key in ("horizontal_offset", "vertical_offset"):
             _check_range(self.name, key, getattr(self, key), "finite", lambda x: True)
+        if self.projection == "perspective":
+            widest = FILM_MAX * self.focal_length
+            for key in ("horizontal_aperture", "vertical_aperture", "horizontal_offset", "vertical_offset"):
+                accepted = f"at most {FILM_MAX:g} focal_length = {widest:g}"
+                _check_range(self.name, key, getattr(self, key), accepted, lambda x: abs(x) <= widest)
 
     @property
     def has_lens(self) -> bool:

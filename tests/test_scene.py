@@ -140,3 +140,11 @@ def test_a_solid_too_far_away_for_its_size_is_refused():
     matrix[0, 3] = 1e38
     with pytest.raises(SceneError, match="/ball: object_to_world is too far away for its size"):
         Solid("/ball", "sphere", matrix)
+
+
+def test_a_film_too_wide_for_its_lens_is_refused():
+    """Its rays would run across the view axis."""
+    accepted = r"/c: vertical_aperture = 1e\+11; accepted: at most 1e\+06 focal_length = 4.2e\+07"
+    with pytest.raises(SceneError, match=accepted):
+        Camera("/c", np.eye(4), focal_length=42.0, vertical_aperture=1e11)
+    assert Camera("/c", np.eye(4), vertical_aperture=1e11, projection="orthographic").vertical_aperture == 1e11

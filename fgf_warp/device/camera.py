@@ -4,6 +4,9 @@ import warp as wp
 
 from fgf_warp.device.numerics import INFINITE, sincos_turns, unit
 
+LEAST_COSINE = wp.constant(1e-7)
+"""Of a camera ray with the view axis: rounding may turn the smallest ones negative."""
+
 
 @wp.struct
 class Camera:
@@ -88,7 +91,8 @@ def camera_ray(camera: Camera, film: wp.vec2, xi1: float, xi2: float) -> CameraR
 @wp.func(inline=True)
 def far_distance(camera: Camera, direction: wp.vec3) -> float:
     """Length of a camera ray from the near plane to the far one; INFINITE where there is none."""
-    return wp.min((camera.far - camera.near) / wp.dot(direction, camera.forward), INFINITE)
+    cosine = wp.max(wp.dot(direction, camera.forward), LEAST_COSINE)
+    return wp.min((camera.far - camera.near) / cosine, INFINITE)
 
 
 @wp.func(inline=True)
