@@ -169,6 +169,7 @@ def test_irradiance_of_intricate_lights(kind, monkeypatch):
     stats.assert_means(*stats.image_mean(result), RHO * expected_irradiance(kind) / math.pi, detects=0.005)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in INTRICATE if kind != "dome with a sun"])
 def test_intricate_lights_are_found_by_scattered_rays(kind, monkeypatch):
     """Without connections: sees a bias of 2.5 %."""

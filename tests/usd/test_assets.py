@@ -61,6 +61,7 @@ def test_every_stage_is_read_without_a_word_on_the_terminal(path: Path, capfd: p
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", FILES, ids=short)
 def test_every_stage_is_rendered(path: Path, few_kernels: None) -> None:
     scene, resolution = reading_of(path).scene, reading_of(path).resolution
@@ -173,7 +174,7 @@ def test_instancing_is_of_no_effect_on_what_is_read(name: str) -> None:
         np.testing.assert_array_equal(shape_bounds(one), shape_bounds(other))
 
 
-def test_instanced_cubes_are_those_of_the_file_without_instancing(few_kernels: None) -> None:
+def test_instanced_cubes_are_those_of_the_file_without_instancing() -> None:
     """Pixel for pixel, once the sizes agree: the second file makes its first three cubes 0.2, 3 and 4 wide."""
     instanced = read_scene(INSTANCING / "instancedCubes2.usda").scene
     other = Usd.Stage.Open(str(INSTANCING / "instancedCubes2NoInstancing.usda"))
