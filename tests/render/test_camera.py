@@ -217,7 +217,7 @@ def transmittance(scene: Scene, t: float) -> float:
     )
 
 
-@pytest.mark.parametrize("kind", ["solid", "mesh"])
+@pytest.mark.parametrize("kind", ["solid", pytest.param("mesh", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("near", [0.0, 3.0, 4.5, 5.5, 7.0])
 def test_the_near_plane_cuts_a_medium(kind, near):
     """Parallel rays from the plane's height to the slab's far side."""

@@ -80,8 +80,8 @@ def through_a_lens(scene):
         lambda: furnace(fills_view=False, transport="mixed", **REGIMES["pink"]),
         full_scene,
         example,
-        lambda: through_a_lens(furnace(fills_view=False, **REGIMES["pink"])),
-        lambda: block_under(INTRICATE["soft cone"], light_links=8),
+        pytest.param(lambda: through_a_lens(furnace(fills_view=False, **REGIMES["pink"])), marks=pytest.mark.slow),
+        pytest.param(lambda: block_under(INTRICATE["soft cone"], light_links=8), marks=pytest.mark.slow),
     ],
     ids=["pink", "mixed", "full", "instances", "lens", "lights"],
 )

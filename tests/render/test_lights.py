@@ -261,6 +261,7 @@ def block_under(light, **links) -> Scene:
 BLOCK_SETTINGS = RenderSettings(width=16, height=16, spp=4096, seed=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "detects"), [("dome of random bytes", 0.1), ("mesh", 0.15)])
 def test_media_under_intricate_lights(kind, detects, monkeypatch):
     """Connections from media, weighed, against paths that find the light: the same picture."""

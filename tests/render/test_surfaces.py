@@ -284,6 +284,7 @@ def everything():
     return Scene(camera((0, -1, 4), (0, 0, 0), aperture=0.5), shapes, (fog,), lights)
 
 
+@pytest.mark.slow
 def test_both_drivers_render_the_same_picture():
     """The driver of CUDA, run on the CPU: from the same random numbers, up to the order of sums."""
     model = build_model(everything(), replace(SETTINGS, spp=4, aovs=frozenset({Aov.ALBEDO, Aov.DEPTH}), threads=1))
