@@ -55,6 +55,7 @@ def test_a_scene_pays_for_motion_and_instances_where_there_are_any():
     assert required_features(replace(furnace(), shapes=(ball,)), SETTINGS).lone_solid == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_an_instance_looks_like_the_mesh_that_it_draws(mirrored):
     """A cloud and a brick, sheared, on a floor."""

@@ -161,6 +161,7 @@ def expected_irradiance(kind: str) -> float:
     return integrated
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", INTRICATE)
 def test_irradiance_of_intricate_lights(kind, monkeypatch):
     """As above: connections, weighed against paths that find the light."""
