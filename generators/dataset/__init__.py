@@ -1,0 +1,1 @@
+"""A dataset as files: where they lie, what they hold, how they are written and read. Needs neither USD nor Warp."""

@@ -1,0 +1,114 @@
+"""The frozen plan as a table: one row per sample, and what they share in the table's metadata."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from fgf_warp.errors import CorruptFileError
+
+META_KEY = b"fgf_warp.plan"
+INDEX, SPLIT, SEED = "index", "split", "seed"
+"""Columns of every plan; the axes follow, then the labels of the swept medium."""
+
+
+@dataclass(frozen=True)
+class AxisMeta:
+    """One axis of a sweep, as a reader of the dataset meets it.
+
+    Args:
+        name: of its column.
+        target: what it changes: ``H`` and the like of the swept medium, or ``/prim.path:attribute``.
+        values: in order, of an axis on the grid; None of one that is drawn or depends on others.
+        category: whether its values are names.
+        unit: ``1/unit`` and the like; empty where it has none or it is not known.
+    """
+
+    name: str
+    target: str
+    values: tuple[float | str, ...] | None
+    category: bool = False
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class PlanMeta:
+    """What the samples of a plan share.
+
+    Args:
+        name: of the dataset.
+        digest: hexadecimal SHA-256 of all that the files depend on; samples of another plan do not mix with these.
+        version: of fgf-warp.
+        seed: of the dataset.
+        scene: name of the stage's file.
+        medium: prim path of the swept medium; empty where the scene has none.
+        axes: in the order of the config.
+        width: of the images [pixel].
+        height: of the images [pixel].
+        aovs: planes beside radiance and alpha.
+        png: whether there is an 8-bit view of each sample.
+        exposure: of these views [stop].
+        quality: what bounds each sample's render: one or more of ``spp``, ``target_error`` and ``time``.
+        targets: the extra targets asked for, by name, with their settings.
+        device: kind of device, ``cpu`` or ``cuda``: they round differently.
+        description: a sentence of the author's.
+        license: SPDX identifier.
+    """
+
+    name: str
+    digest: str
+    version: str
+    seed: int
+    scene: str
+    medium: str
+    axes: tuple[AxisMeta, ...]
+    width: int
+    height: int
+    aovs: tuple[str, ...] = ()
+    png: bool = True
+    exposure: float = 0.0
+    quality: dict[str, float] = field(default_factory=dict)
+    targets: dict[str, Any] = field(default_factory=dict)
+    device: str = "cpu"
+    description: str = ""
+    license: str = ""
+
+
+def write_plan(meta: PlanMeta, samples: pa.Table) -> bytes:
+    """The plan as the content of a parquet file.
+
+    Args:
+        meta: what the samples share.
+        samples: one row each, by index.
+    """
+    table = samples.replace_schema_metadata({META_KEY: json.dumps(asdict(meta), sort_keys=True)})
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer)
+    return buffer.getvalue()
+
+
+def read_plan(content: bytes, name: str) -> tuple[PlanMeta, pa.Table]:
+    """What `write_plan` wrote.
+
+    Args:
+        content: of the file.
+        name: of the file, for the error.
+
+    Raises:
+        CorruptFileError: where it is something else.
+    """
+    try:
+        table = pq.read_table(pa.BufferReader(content))
+        found = json.loads(table.schema.metadata[META_KEY])
+        axes = tuple(
+            AxisMeta(**{**axis, "values": None if axis["values"] is None else tuple(axis["values"])})
+            for axis in found.pop("axes")
+        )
+        return PlanMeta(**{**found, "axes": axes, "aovs": tuple(found["aovs"])}), table
+    except (pa.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
+        raise CorruptFileError(f"{name}: is damaged or not the plan of a dataset") from error

@@ -1,0 +1,78 @@
+"""A dataset that is there, whole or in part."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+
+import pyarrow as pa
+
+from fgf_warp.errors import ConfigError
+from generators.dataset import layout
+from generators.dataset.plan_table import INDEX, SPLIT, PlanMeta, read_plan
+from generators.dataset.record import (
+    Failure,
+    Record,
+    Timing,
+    decode_failure,
+    decode_record,
+    decode_timing,
+)
+from generators.dataset.store import Store
+
+
+class Dataset:
+    """Reads a dataset by its plan and the records of its samples.
+
+    Args:
+        location: a folder or a URL, see `Store`.
+
+    Raises:
+        ConfigError: where there is no dataset.
+        CorruptFileError: where its plan is damaged.
+    """
+
+    def __init__(self, location: str | Path) -> None:
+        self.store = Store(location)
+        if not self.store.exists(layout.PLAN):
+            raise ConfigError(f"{location}: holds no dataset; accepted: a folder that fgf generate made")
+        self.meta: PlanMeta
+        self.plan: pa.Table
+        self.meta, self.plan = read_plan(self.store.read(layout.PLAN), f"{location}/{layout.PLAN}")
+
+    @cached_property
+    def folders(self) -> tuple[str, ...]:
+        """The folder of every sample of the plan, by index, whether it is there or not."""
+        rows = zip(self.plan[SPLIT].to_pylist(), self.plan[INDEX].to_pylist(), strict=True)
+        return tuple(layout.sample_folder(split, index) for split, index in rows)
+
+    def is_complete(self, index: int) -> bool:
+        """Whether a sample is there."""
+        return self.store.exists(f"{self.folders[index]}/{layout.RECORD}")
+
+    def complete(self) -> list[int]:
+        """Indices of the samples that are there, in order."""
+        there = self.store.sizes(layout.DATA)
+        return [index for index, folder in enumerate(self.folders) if f"{folder}/{layout.RECORD}" in there]
+
+    def record(self, index: int) -> Record:
+        """What a complete sample reached.
+
+        Raises:
+            CorruptFileError: where it cannot be read.
+        """
+        name = f"{self.folders[index]}/{layout.RECORD}"
+        return decode_record(self.store.read(name), f"{self.store.location}/{name}")
+
+    def timing(self, index: int) -> Timing:
+        """How long a complete sample took; raises as `record` does."""
+        name = f"{self.folders[index]}/{layout.TIMING}"
+        return decode_timing(self.store.read(name), f"{self.store.location}/{name}")
+
+    def failures(self) -> dict[int, Failure]:
+        """Why samples that were tried are not there, by index."""
+        found = {}
+        for name in self.store.sizes(layout.FAILURES):
+            failure = decode_failure(self.store.read(name), f"{self.store.location}/{name}")
+            found[failure.index] = failure
+        return found

@@ -1,0 +1,140 @@
+"""What is written beside the images of a sample."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from fgf_warp.errors import CorruptFileError
+
+
+@dataclass(frozen=True)
+class FileEntry:
+    """One file of a sample.
+
+    Args:
+        bytes: its size.
+        sha256: its hash, hexadecimal.
+    """
+
+    bytes: int
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Record:
+    """What a render reached; equal for equal plans on one kind of device.
+
+    Args:
+        index: of the sample.
+        plan: digest of the plan.
+        spp: samples per pixel.
+        standard_error: mean relative standard error of the pixels.
+        truncated: paths cut at the bound on their length.
+        nonfinite: samples that were not finite; a complete sample has none.
+        statistics: of the image, by name; see `generators.dataset.statistics`.
+        targets: the extra targets, by name: numbers or lists of numbers.
+        files: the sample's other files, but for the timing, by name.
+    """
+
+    index: int
+    plan: str
+    spp: int
+    standard_error: float
+    truncated: int
+    nonfinite: int
+    statistics: Mapping[str, float] = field(default_factory=dict)
+    targets: Mapping[str, Any] = field(default_factory=dict)
+    files: Mapping[str, FileEntry] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What differs between two runs of one plan.
+
+    Args:
+        render_seconds: wall time of the render [s].
+        write_seconds: wall time of encoding and writing [s].
+        worker: that rendered it.
+        attempts: 1 where the first one came through.
+    """
+
+    render_seconds: float
+    write_seconds: float
+    worker: str
+    attempts: int
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a sample is not there.
+
+    Args:
+        index: of the sample.
+        reason: in one line.
+        attempts: that were made.
+    """
+
+    index: int
+    reason: str
+    attempts: int
+
+
+def file_entry(content: bytes) -> FileEntry:
+    """Size and hash of a file's content."""
+    return FileEntry(len(content), hashlib.sha256(content).hexdigest())
+
+
+def encode(value: Record | Timing | Failure) -> bytes:
+    """As JSON, equal for equal values."""
+    return (json.dumps(asdict(value), indent=1, sort_keys=True, allow_nan=False) + "\n").encode()
+
+
+def decode_record(content: bytes, name: str) -> Record:
+    """Reads a ``record.json``.
+
+    Args:
+        content: of the file.
+        name: of the file, for the error.
+
+    Raises:
+        CorruptFileError: where it is not what `encode` wrote.
+    """
+    found = _decode(content, name)
+    try:
+        return Record(**{**found, "files": {key: FileEntry(**entry) for key, entry in found["files"].items()}})
+    except (KeyError, TypeError, AttributeError) as error:
+        raise _damaged(name) from error
+
+
+def decode_timing(content: bytes, name: str) -> Timing:
+    """Reads a ``timing.json``; raises as `decode_record` does."""
+    try:
+        return Timing(**_decode(content, name))
+    except TypeError as error:
+        raise _damaged(name) from error
+
+
+def decode_failure(content: bytes, name: str) -> Failure:
+    """Reads the note on a failure; raises as `decode_record` does."""
+    try:
+        return Failure(**_decode(content, name))
+    except TypeError as error:
+        raise _damaged(name) from error
+
+
+def _decode(content: bytes, name: str) -> dict[str, Any]:
+    try:
+        found = json.loads(content)
+    except ValueError as error:
+        raise _damaged(name) from error
+    if not isinstance(found, dict):
+        raise _damaged(name)
+    return found
+
+
+def _damaged(name: str) -> CorruptFileError:
+    return CorruptFileError(f"{name}: is damaged; fgf verify --repair makes it anew")

@@ -1,0 +1,151 @@
+"""A dataset's files in a folder or, through fsspec, in an object store."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import fsspec
+from fsspec.implementations.local import LocalFileSystem
+
+from fgf_warp.errors import OutputError
+from fgf_warp.output.atomic import write_bytes
+from generators.dataset import layout
+
+
+class Store:
+    """Reads and writes the files of one dataset; every name is relative to its location.
+
+    In a folder, what is written appears whole or not at all. In an object store single files do, and of a sample's
+    files the record comes last, so a sample is there where its record is.
+
+    Args:
+        location: a folder, or a URL that fsspec knows, such as ``s3://bucket/cloud``.
+
+    Raises:
+        OutputError: for a URL of a kind that is not installed.
+    """
+
+    def __init__(self, location: str | Path) -> None:
+        self.location = str(location)
+        try:
+            self._fs, self._root = fsspec.core.url_to_fs(self.location)
+        except (ImportError, ValueError) as error:
+            raise OutputError(f"{location}: {error}") from error
+
+    @property
+    def folder(self) -> Path | None:
+        """Of a dataset on this machine's file system."""
+        return Path(self._root) if isinstance(self._fs, LocalFileSystem) else None
+
+    def exists(self, name: str) -> bool:
+        """Whether there is such a file."""
+        return bool(self._fs.isfile(self._path(name)))
+
+    def read(self, name: str) -> bytes:
+        """Content of a file.
+
+        Raises:
+            FileNotFoundError: where there is none.
+        """
+        return bytes(self._fs.cat_file(self._path(name)))
+
+    def sizes(self, prefix: str = "") -> dict[str, int]:
+        """Size of every file [byte] below a folder, by name and in their order; of none where there is no folder."""
+        self._fs.invalidate_cache()
+        below = self._path(prefix)
+        if not self._fs.isdir(below):
+            return {}
+        found = self._fs.find(below, detail=True)
+        return {path[len(self._root) + 1 :]: int(entry["size"]) for path, entry in sorted(found.items())}
+
+    def write(self, name: str, content: bytes) -> None:
+        """Writes a file, in the place of an older one.
+
+        Raises:
+            OutputError: where it cannot be written; an older one is as before.
+        """
+        with self._writing(name):
+            if self.folder:
+                path = self.folder / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_bytes(path, content)
+            else:
+                self._fs.pipe_file(self._path(name), content)
+
+    def commit(self, folder: str, files: dict[str, bytes]) -> bool:
+        """Makes a sample visible, whole.
+
+        Args:
+            folder: of the sample.
+            files: content by name, the record among them.
+
+        Returns:
+            False where it was already there; it is left as it is.
+
+        Raises:
+            OutputError: where it cannot be written; nothing of it is visible then.
+        """
+        with self._writing(folder):
+            if self.folder:
+                return _commit_folder(self.folder / folder, files)
+            if self.exists(f"{folder}/{layout.RECORD}"):
+                return False
+            for name in sorted(files, key=lambda name: name == layout.RECORD):
+                self._fs.pipe_file(self._path(f"{folder}/{name}"), files[name])
+            return True
+
+    def remove(self, name: str) -> None:
+        """Removes a file, or a folder and all in it, if it is there."""
+        path = self._path(name)
+        with self._writing(name):
+            if self._fs.exists(path):
+                self._fs.rm(path, recursive=True)
+
+    def _path(self, name: str) -> str:
+        return f"{self._root}/{name}" if name else self._root
+
+    @contextmanager
+    def _writing(self, name: str) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise OutputError(f"{self.location}/{name}: cannot be written: {error.strerror or error}") from error
+
+
+def _commit_folder(target: Path, files: dict[str, bytes]) -> bool:
+    """By way of a hidden folder that is on the disk before it gets its name."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    hidden = target.with_name(f".{target.name}.{uuid.uuid4().hex[:12]}.partial")
+    try:
+        hidden.mkdir()
+        for name, content in files.items():
+            with (hidden / name).open("wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+        _sync_folder(hidden)
+        try:
+            hidden.rename(target)
+        except OSError:
+            if not (target / layout.RECORD).is_file():
+                raise
+            shutil.rmtree(hidden)
+            return False
+        _sync_folder(target.parent)
+        return True
+    except BaseException:
+        shutil.rmtree(hidden, ignore_errors=True)
+        raise
+
+
+def _sync_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
