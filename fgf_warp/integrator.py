@@ -143,7 +143,7 @@ class SceneData:
     """The one that the only medium fills; used where one does."""
     motions: wp.array(dtype=Motion)
     """Of solids and instances that move."""
-    meshes: Bvh
+    meshes: wp.array(dtype=Bvh)
     surfaces: wp.array(dtype=Surface)
     shading: wp.array(dtype=Shading)
     light_tables: wp.array(dtype=LightTables)
@@ -168,7 +168,7 @@ class SceneData:
     media_center: wp.vec3
     media_radius: float
     """A ball that holds all containers, used where they are not the same."""
-    boundaries: Bvh
+    boundaries: wp.array(dtype=Bvh)
     """Containers that are meshes, without anything on them; used likewise."""
     seeds: wp.array(dtype=wp.uint64)
     """Of each image."""
@@ -480,13 +480,18 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func
-    def look_at_meshes(meshes: Bvh, surfaces: wp.array(dtype=Surface), before: Path) -> Path:
+    def hit_of_meshes(trees: wp.array(dtype=Bvh), path: Path) -> Hit:
+        return intersect_meshes(trees, path.origin, path.direction, path.start, path.hit)
+
+    @wp.func(inline=True)
+    def see_mesh(before: Path, hit: Hit, surfaces: wp.array(dtype=Surface)) -> Path:
+        """The path with what it has just hit of the meshes, if it is nearer than all else."""
         path = before
-        path.hit = intersect_meshes(meshes, before.origin, before.direction, before.start, before.hit)
+        path.hit = hit
         if wp.static(has_surfaces and not shades):
-            if path.hit.t < before.hit.t and path.hit.kind == SURFACE:
-                path.albedo = surfaces[path.hit.item].diffuse
-                path.met = surfaces[path.hit.item].emission
+            if hit.t < before.hit.t and hit.kind == SURFACE:
+                path.albedo = surfaces[hit.item].diffuse
+                path.met = surfaces[hit.item].emission
         return path
 
     @wp.func(inline=True)
@@ -1188,11 +1193,11 @@ def build_program(features: RenderFeatures) -> Program:
         return block(before, light_distance(light, kind, before.origin, before.to_light))
 
     @wp.func
-    def block_by_meshes(meshes: Bvh, before: Path) -> Path:
+    def mesh_between(trees: wp.array(dtype=Bvh), path: Path) -> float:
+        """Distance of the mesh that is in the connection's way."""
         nearest = Hit()
-        nearest.t = before.light_distance
-        hit = intersect_meshes(meshes, before.origin, before.to_light, before.start, nearest)
-        return block(before, hit.t)
+        nearest.t = path.light_distance
+        return intersect_meshes(trees, path.origin, path.to_light, path.start, nearest).t
 
     @wp.func(inline=True)
     def dim_by_lone_solid(before: Path, lone: Medium, solid: Solid, kind: int) -> Path:
@@ -1453,7 +1458,7 @@ def build_program(features: RenderFeatures) -> Program:
         if wp.static(has_solids):
             path = look_at_solids(scene, path)
         if wp.static(features.meshes):
-            path = look_at_meshes(scene.meshes, scene.surfaces, path)
+            path = see_mesh(path, hit_of_meshes(scene.meshes, path), scene.surfaces)
         if wp.static(features.intricate_lights):
             path = look_at_lights(scene, path)
         else:
@@ -1667,10 +1672,13 @@ def build_program(features: RenderFeatures) -> Program:
                                             path = load(lanes, i)
                                             store(lanes, i, look_at_surface(path, solid, kind, surface))
             if wp.static(features.meshes):
+                # Loaded anew after the call: for all that the compiler knows it could change any lane, and all that was
+                # loaded before would be stored again.
                 for i in range(LANES):
                     path = load(lanes, i)
                     if path.alive == 1:
-                        store(lanes, i, look_at_meshes(scene.meshes, scene.surfaces, path))
+                        hit = hit_of_meshes(scene.meshes, path)
+                        store(lanes, i, see_mesh(load(lanes, i), hit, scene.surfaces))
             if wp.static(features.intricate_lights):
                 for i in range(LANES):
                     path = load(lanes, i)
@@ -1752,7 +1760,8 @@ def build_program(features: RenderFeatures) -> Program:
                     for i in range(LANES):
                         path = load(lanes, i)
                         if max_component(path.light_share) > 0.0:
-                            store(lanes, i, block_by_meshes(scene.meshes, path))
+                            distance = mesh_between(scene.meshes, path)
+                            store(lanes, i, block(load(lanes, i), distance))
                 if wp.static(lone_solid):
                     for i in range(LANES):
                         path = load(lanes, i)
