@@ -8,21 +8,33 @@ by the command that needs it.
 from __future__ import annotations
 
 import sys
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 from typer.core import TyperGroup
 
 from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError, OutputError
 from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
+from generators.commands.common import (
+    EXIT_BAD_INPUT,
+    EXIT_CORRUPT,
+    EXIT_PARTIAL,
+    EXIT_UNEXPECTED,
+    Device,
+    Memory,
+    Overrides,
+    check_choice,
+    count_of,
+    fail,
+    progress_bar,
+    start_warp,
+    warn,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from rich.progress import Progress
+    from collections.abc import Sequence
 
     from fgf_warp.features import Reason
     from fgf_warp.result import RenderResult
@@ -34,7 +46,6 @@ if TYPE_CHECKING:
     from generators.run import Report
     from usd_scenes.reader import Frame
 
-EXIT_BAD_INPUT, EXIT_PARTIAL, EXIT_CORRUPT, EXIT_UNEXPECTED = 2, 3, 4, 5
 PLAN_ROWS = 20
 WARNINGS_SHOWN = 5
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
@@ -49,11 +60,11 @@ class _Group(TyperGroup):
         try:
             code = super().main(*args, **extra)
         except UsageError as error:
-            _fail(error.format_message(), EXIT_BAD_INPUT)  # type: ignore[attr-defined]
+            fail(error.format_message(), EXIT_BAD_INPUT)  # type: ignore[attr-defined]
         except (CorruptFileError, NumericalError) as error:
-            _fail(str(error), EXIT_CORRUPT)
+            fail(str(error), EXIT_CORRUPT)
         except FgfError as error:
-            _fail(str(error), EXIT_BAD_INPUT)
+            fail(str(error), EXIT_BAD_INPUT)
         sys.exit(code or 0)
 
 
@@ -65,15 +76,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the config, e.g. spp=16 or axes.H=[-0.4]."),
-]
-Device = Annotated[str, typer.Option(help="Where to render: cpu, or a GPU such as cuda:0.")]
-Memory = Annotated[
-    float, typer.Option(metavar="GIB", help="Most memory for the images that are rendered at once; changes no pixel.")
-]
 
 
 @app.callback(invoke_without_command=True)
@@ -186,9 +188,9 @@ def render(
     from usd_scenes.reader import COMPLEXITIES, stages_kept_open  # noqa: PLC0415
 
     aovs = _choose_aovs(aov)
-    _check_choice("--preset", preset, PRESETS)
-    _check_choice("--sampler", sampler, Sampler)
-    _check_choice("--complexity", complexity, COMPLEXITIES)
+    check_choice("--preset", preset, PRESETS)
+    check_choice("--sampler", sampler, Sampler)
+    check_choice("--complexity", complexity, COMPLEXITIES)
     times = _choose_frames(frames, default_time=default_time)
     warned: set[str] = set()
 
@@ -217,7 +219,7 @@ def render(
             device=device,
             memory=memory,
         )
-        _warn([warning for warning in base.warnings if warning not in warned])
+        warn([warning for warning in base.warnings if warning not in warned])
         warned.update(base.warnings)
         return base.scene, settings
 
@@ -233,13 +235,13 @@ def render(
         for picture in pictures:
             for file in picture.files:
                 check_writable(file)
-        _warn(warnings)
-        _start_warp(device)
+        warn(warnings)
+        start_warp(device)
         for done, picture in enumerate(pictures):
             try:
                 _render_picture(picture, *load(picture.frame, picture.product))
             except KeyboardInterrupt:
-                _fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
+                fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
 
 
 @app.command()
@@ -273,9 +275,9 @@ def generate(
     loaded, plan, warnings = _plan(config, overrides, device)
     plan = replace(plan, settings=replace(plan.settings, memory=memory))
     folder = out or Path(loaded.config.output or f"datasets/{loaded.config.name}")
-    _start_warp(device)
-    _warn(warnings)
-    with _progress(counted=True) as progress:
+    start_warp(device)
+    warn(warnings)
+    with progress_bar(counted=True) as progress:
 
         def show(done: float, total: int) -> None:
             # The first call comes before the first image, while the kernel is built.
@@ -288,7 +290,7 @@ def generate(
         except OutputError as error:
             if not progress.tasks:
                 raise  # the folder itself is not accepted
-            _fail(str(error), EXIT_PARTIAL)
+            fail(str(error), EXIT_PARTIAL)
     _print_report(report, folder / run.CONTACT_SHEET, plan.settings.max_depth)
     if not report.is_complete:
         raise typer.Exit(EXIT_PARTIAL)
@@ -306,7 +308,7 @@ def plan(
       fgf plan configs/quickstart.yaml --set "axes.S_w={logspace: [0.01, 10, 4]}"
     """  # noqa: D301
     _, made, warnings = _plan(config, overrides, "cpu")
-    _warn(warnings)
+    warn(warnings)
     _print_plan(made)
 
 
@@ -328,7 +330,7 @@ def validate(
         settings, swept = made.settings, ", ".join(loaded.config.axes) or "nothing"
         typer.echo(f"{path}: {len(made.samples)} samples, sweeping {swept}, of {loaded.scene_path}")
         _print_scene(made.scene, settings.width, settings.height)
-        _warn(warnings)
+        warn(warnings)
         return
     from generators.stage import load_scene  # noqa: PLC0415
     from usd_scenes.validation import validate_stage  # noqa: PLC0415
@@ -337,7 +339,7 @@ def validate(
     for finding in findings:
         typer.echo(finding)
     counts = {kind: sum(finding.severity == kind for finding in findings) for kind in ("error", "warning")}
-    typer.echo(f"{path}: {_counted(counts['error'], 'error')}, {_counted(counts['warning'], 'warning')}")
+    typer.echo(f"{path}: {count_of(counts['error'], 'error')}, {count_of(counts['warning'], 'warning')}")
     try:
         base = load_scene(path)
     except FgfError:
@@ -346,7 +348,7 @@ def validate(
         typer.echo("not accepted by the renderer")
     else:
         _print_scene(base.scene, base.width, base.height)
-        _warn(base.warnings)
+        warn(base.warnings)
     if counts["error"]:
         raise typer.Exit(EXIT_BAD_INPUT)
 
@@ -382,7 +384,7 @@ def law(
     from fgf_warp.theory.law import LINE_VARIANCES, REGIME_NAMES  # noqa: PLC0415
     from generators.law import evaluate_law  # noqa: PLC0415
 
-    _check_choice("--lineVariance", line_variance, LINE_VARIANCES)
+    check_choice("--lineVariance", line_variance, LINE_VARIANCES)
     found = evaluate_law(
         hurst=hurst,
         white_noise_scale=white_noise_scale,
@@ -404,7 +406,7 @@ def law(
     typer.echo(f"\n{'t':>12}  {'transmittance':>14}  {'free-flight pdf':>16}")
     for row in zip(found["t"], found["transmittance"], found["free_flight_pdf"], strict=True):
         typer.echo("{:12.6g}  {:14.6g}  {:16.6g}".format(*row))
-    _warn(found["warnings"])
+    warn(found["warnings"])
 
 
 @app.command()
@@ -428,13 +430,13 @@ def figures(
     Example:
       fgf figures --only white-limit --out trial
     """  # noqa: D301
-    _start_warp(device)
+    start_warp(device)
     from generators.figures.gallery import write_figures  # noqa: PLC0415
 
     # The page of some figures does not take the place of that of all.
     folder = out or Path("-".join(["figures", *(only or ())]))
 
-    with _progress(counted=True) as progress:
+    with progress_bar(counted=True) as progress:
         task = progress.add_task("reading the scene", total=None)
 
         def show(name: str, done: float, total: int) -> None:
@@ -467,13 +469,13 @@ def stability(
     Example:
       fgf stability --quick
     """  # noqa: D301
-    _start_warp(device)
+    start_warp(device)
     from generators.stability import run  # noqa: PLC0415
     from generators.stability.extremes import FULL, QUICK  # noqa: PLC0415
 
     folder = out or Path("stability-quick" if quick else "stability")
     run.make_folder(folder)
-    with _progress(counted=True) as progress:
+    with progress_bar(counted=True) as progress:
         task = progress.add_task("", total=None)
 
         def show(part: str, done: int, total: int) -> None:
@@ -492,16 +494,6 @@ def stability(
 def main() -> None:
     """Entry point of the console script."""
     app()
-
-
-def _fail(message: str, code: int) -> NoReturn:
-    typer.echo(f"error: {message}", err=True)
-    sys.exit(code)
-
-
-def _warn(warnings: Sequence[str]) -> None:
-    for warning in warnings:
-        typer.echo(f"warning: {warning}", err=True)
 
 
 def _choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | None]:
@@ -523,7 +515,7 @@ def _render_picture(picture: Picture, scene: Scene, settings: RenderSettings) ->
     from fgf_warp.renderer import render as render_scene  # noqa: PLC0415
 
     check_memory(settings)
-    with _progress(counted=False) as progress:
+    with progress_bar(counted=False) as progress:
         task = progress.add_task("building the kernel", total=None)
         prepare(scene, settings)
 
@@ -545,25 +537,6 @@ def _choose_aovs(names: list[str] | None) -> frozenset[Aov] | None:
     if unknown:
         raise ConfigError(f"--aov {unknown[0]}: accepted: {', '.join(Aov)}")
     return frozenset(Aov(name) for name in names)
-
-
-def _counted(number: int, thing: str) -> str:
-    return f"{number} {thing}{'' if number == 1 else 's'}"
-
-
-def _check_choice(option: str, value: str, accepted: Iterable[str]) -> None:
-    if value not in list(accepted):
-        raise ConfigError(f"{option} {value}: accepted: {', '.join(accepted)}")
-
-
-def _start_warp(device: str) -> None:
-    """Starts Warp without its banner and sees that the device is there."""
-    import warp as wp  # noqa: PLC0415
-
-    wp.config.log_level = wp.LOG_WARNING
-    from fgf_warp.renderer import check_device  # noqa: PLC0415
-
-    check_device(device)
 
 
 def _plan(path: Path, overrides: list[str] | None, device: str) -> tuple[LoadedConfig, Plan, list[str]]:
@@ -597,31 +570,6 @@ def _sample_warnings(made: Plan) -> list[str]:
     return shown
 
 
-@contextmanager
-def _progress(*, counted: bool) -> Iterator[Progress]:
-    """A bar on stderr with rate and time left, and the count where it is worth reading."""
-    from rich.console import Console  # noqa: PLC0415
-    from rich.progress import (  # noqa: PLC0415
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        ProgressColumn,
-        Task,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-    from rich.text import Text  # noqa: PLC0415
-
-    class Rate(ProgressColumn):
-        def render(self, task: Task) -> Text:
-            return Text(f"{task.speed:,.3g}/s" if task.speed else "")
-
-    count = [MofNCompleteColumn()] if counted else []
-    columns = [TextColumn("{task.description}"), BarColumn(), *count, Rate(), TimeRemainingColumn()]
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        yield progress
-
-
 def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
     typer.echo(
         f"{result.seconds:.2f} s, {result.samples_per_second:.4g} samples/s, {result.samples} samples per pixel, "
@@ -629,7 +577,7 @@ def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
     )
     if result.truncated_count:
         share = result.truncated_count / result.path_count
-        _warn(
+        warn(
             [
                 f"{result.truncated_count} paths ({share:.2g} of all) were cut after {result.settings.max_depth} "
                 "scattering events, so the image is a little too dark; a higher --preset cuts later"
@@ -649,7 +597,7 @@ def _print_report(report: Report, contact_sheet: Path, max_depth: int) -> None:
     typer.echo(f"contact sheet  {contact_sheet}")
     if report.truncated_paths:
         share = report.truncated_samples / report.finished
-        _warn(
+        warn(
             [
                 f"{report.truncated_paths} paths in {report.truncated_samples} of {report.finished} samples "
                 f"({share:.2g} of all) were cut after {max_depth} scattering events, so their images are a little "

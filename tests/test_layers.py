@@ -79,7 +79,7 @@ ONLY_IN = {
         "fgf_warp.upload_shading",
         "fgf_warp.probes",
         "fgf_warp.renderer",
-        "generators.cli",
+        "generators.commands.common",
     ),
 }
 """Libraries behind a door."""
