@@ -32,6 +32,7 @@ from generators.commands.common import (
     start_warp,
     warn,
 )
+from generators.commands.export import export
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -489,6 +490,9 @@ def stability(
     typer.echo(f"report  {report}")
     if outcome.outside_count:
         raise typer.Exit(EXIT_PARTIAL)
+
+
+app.command()(export)
 
 
 def main() -> None:

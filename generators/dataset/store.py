@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,6 +16,9 @@ from fsspec.implementations.local import LocalFileSystem
 from fgf_warp.errors import OutputError
 from fgf_warp.output.atomic import write_bytes
 from generators.dataset import layout
+
+READERS = 32
+"""Requests at a time: an object store answers each after tens of milliseconds."""
 
 
 class Store:
@@ -54,6 +58,15 @@ class Store:
         """
         return bytes(self._fs.cat_file(self._path(name)))
 
+    def read_all(self, names: Sequence[str]) -> list[bytes]:
+        """Contents of many small files, in order; several are on their way at a time.
+
+        Raises:
+            FileNotFoundError: where one is missing.
+        """
+        with ThreadPoolExecutor(READERS) as pool:
+            return list(pool.map(self.read, names))
+
     def sizes(self, prefix: str = "") -> dict[str, int]:
         """Size of every file [byte] below a folder, by name and in their order; of none where there is no folder."""
         self._fs.invalidate_cache()
@@ -76,6 +89,22 @@ class Store:
                 write_bytes(path, content)
             else:
                 self._fs.pipe_file(self._path(name), content)
+
+    def upload(self, folder: Path) -> None:
+        """Writes all files of a folder on this machine; those that are there already are removed should one fail.
+
+        Raises:
+            OutputError: where one cannot be written.
+        """
+        names = [path.name for path in sorted(folder.iterdir())]
+        try:
+            for name in names:
+                with self._writing(name):
+                    self._fs.put_file(str(folder / name), self._path(name))
+        except BaseException:
+            for name in names:
+                self.remove(name)
+            raise
 
     def commit(self, folder: str, files: dict[str, bytes]) -> bool:
         """Makes a sample visible, whole.
