@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from typing import Any
 
@@ -33,6 +33,7 @@ from generators.planning.scenes import Key, Recipe, SceneReader
 from generators.planning.targets import MEDIUM_FIELDS
 from generators.stage import BaseScene
 
+Progress = Callable[[int, int], None]
 PHASE_PARAMETERS = ("back_asymmetry", "back_weight", "draine_alpha")
 WARNINGS_SHOWN = 5
 
@@ -105,12 +106,13 @@ class Plan:
         return write_plan(self.meta, plan_table(self))
 
 
-def build_plan(loaded: LoadedConfig, device: str = "cpu") -> Plan:
+def build_plan(loaded: LoadedConfig, device: str = "cpu", progress: Progress | None = None) -> Plan:
     """Lists the samples and checks every one.
 
     Args:
         loaded: the dataset's config.
         device: to render on. CPU and CUDA round differently, so a dataset is made on one kind.
+        progress: called with the number of scenes read, and of all.
 
     Raises:
         ConfigError: for axes that contradict each other or the stage, or a sample out of the law's domain, by index
@@ -125,7 +127,7 @@ def build_plan(loaded: LoadedConfig, device: str = "cpu") -> Plan:
     except ConfigError as error:
         raise loaded.error(("splits",), str(error)) from error
     scenes = SceneReader(_recipe(loaded, sweep))
-    survey = _survey(loaded, sweep, scenes, parameters)
+    survey = _survey(loaded, sweep, scenes, parameters, progress or (lambda done, total: None))
     samples = tuple(
         Sample(index, split, values, sample_seed(config.seed, index), medium)
         for index, (split, values, medium) in enumerate(zip(splits, parameters, survey.media, strict=True))
@@ -231,7 +233,9 @@ def _recipe(loaded: LoadedConfig, sweep: Sweep) -> Recipe:
     )
 
 
-def _survey(loaded: LoadedConfig, sweep: Sweep, scenes: SceneReader, parameters: list[Parameters]) -> _Survey:
+def _survey(
+    loaded: LoadedConfig, sweep: Sweep, scenes: SceneReader, parameters: list[Parameters], progress: Progress
+) -> _Survey:
     """Reads the scene of each group once, and makes the media of its samples."""
     groups: dict[Key, list[int]] = {}
     for index, values in enumerate(parameters):
@@ -239,9 +243,10 @@ def _survey(loaded: LoadedConfig, sweep: Sweep, scenes: SceneReader, parameters:
     media: list[Medium | None] = [None] * len(parameters)
     sizes: dict[tuple[int, int], int] = {}
     hashes, of_scenes, of_media = [], dict[str, None](), dict[str, int]()
-    for key, indices in groups.items():
+    for read, (key, indices) in enumerate(groups.items(), start=1):
         base = _read(loaded, sweep, scenes, key, indices[0], parameters)
         sizes.setdefault((base.width, base.height), indices[0])
+        progress(read, len(groups))
         hashes.append(_hash(_canonical(base.scene)))
         of_scenes |= dict.fromkeys(base.warnings)
         place = _medium_index(loaded, sweep, base.scene)
@@ -314,12 +319,21 @@ def _medium(loaded: LoadedConfig, sweep: Sweep, scene: Scene, place: int, index:
         changes["albedo"] = tuple(albedo)
     try:
         medium = replace(base, **changes)
+        _check_lengths(config, medium)
         if medium.line_variance == "exact":
             # Refused where the medium is too large for its law.
             scene.with_medium(place, medium)
     except SceneError as error:
         raise ConfigError(f"sample {index}: {error}") from error
     return medium
+
+
+def _check_lengths(config: SweepConfig, medium: Medium) -> None:
+    """Refuses a transmittance curve that goes on where the law ends."""
+    if config.targets.transmittance:
+        longest, reach = max(config.targets.transmittance.grid_values()), medium.line_law.longest_segment()
+        if longest > reach:  # type: ignore[operator]
+            raise SceneError(f"targets.transmittance: t = {longest:g}; accepted: at most {reach:g}, where the law ends")
 
 
 def _few(warnings: list[str]) -> list[str]:
@@ -335,7 +349,7 @@ def _meta(loaded: LoadedConfig, sweep: Sweep, survey: _Survey, settings: RenderS
     names = {medium.name: None for medium in survey.media if medium is not None}
     targets: dict[str, Any] = {}
     if config.targets.transmittance:
-        targets["transmittance"] = list(config.targets.transmittance.grid_values())
+        targets["transmittance"] = {"t": list(config.targets.transmittance.grid_values())}
     if config.targets.mean_free_path:
         targets["mean_free_path"] = True
     return PlanMeta(
