@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-import math
 from collections.abc import Callable, Hashable, Iterable, Mapping
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 
 from fgf_warp import __version__
@@ -19,6 +15,7 @@ from fgf_warp.settings import RenderSettings
 from generators.dataset.layout import sample_name
 from generators.dataset.plan_table import INDEX, SEED, SPLIT, AxisMeta, PlanMeta, write_plan
 from generators.planning.config import SweepConfig
+from generators.planning.digest import content_hash
 from generators.planning.document import LoadedConfig
 from generators.planning.resolve import Axis, Sweep, resolve, touches_medium
 from generators.planning.sampling import (
@@ -48,6 +45,7 @@ class Sample:
         parameters: values of the axes, by column, in their order.
         seed: of the render, in [0, 2^64).
         medium: the swept one with its parameters; None where the scene has none.
+        scene: hash of its scene, up to the swept medium.
     """
 
     index: int
@@ -55,6 +53,7 @@ class Sample:
     parameters: Mapping[str, float | str]
     seed: int
     medium: Medium | None
+    scene: str
 
     @property
     def name(self) -> str:
@@ -90,9 +89,12 @@ class Plan:
         """The scene of the sample's group; the last few that were asked for are kept.
 
         Raises:
-            FgfError: where the stage is no longer there or accepted.
+            FgfError: where the stage is no longer there, accepted or what it was when the plan was made.
         """
-        return self.scenes.read(self.scenes.recipe.key(sample.parameters)).scene
+        base, found = self.scenes.read(self.scenes.recipe.key(sample.parameters))
+        if found != sample.scene:
+            raise SceneError(f"{base.scene.source}: has changed since the plan was made")
+        return base.scene
 
     def media_of(self, sample: Sample) -> tuple[Medium, ...]:
         """The scene's media with the sample's in its place."""
@@ -129,8 +131,10 @@ def build_plan(loaded: LoadedConfig, device: str = "cpu", progress: Progress | N
     scenes = SceneReader(_recipe(loaded, sweep))
     survey = _survey(loaded, sweep, scenes, parameters, progress or (lambda done, total: None))
     samples = tuple(
-        Sample(index, split, values, sample_seed(config.seed, index), medium)
-        for index, (split, values, medium) in enumerate(zip(splits, parameters, survey.media, strict=True))
+        Sample(index, split, values, sample_seed(config.seed, index), medium, scene)
+        for index, (split, values, medium, scene) in enumerate(
+            zip(splits, parameters, survey.media, survey.scenes, strict=True)
+        )
     )
     settings = config.render_settings(*survey.size, device)
     meta = _meta(loaded, sweep, survey, settings, scenes.recipe)
@@ -200,7 +204,7 @@ class _Survey:
     Args:
         size: of the images [pixel].
         media: the swept medium of every sample.
-        scenes: hash of every scene, in the order of its first sample.
+        scenes: hash of the scene of every sample.
         warnings: of scenes and media.
     """
 
@@ -242,30 +246,32 @@ def _survey(
         groups.setdefault(scenes.recipe.key(values), []).append(index)
     media: list[Medium | None] = [None] * len(parameters)
     sizes: dict[tuple[int, int], int] = {}
-    hashes, of_scenes, of_media = [], dict[str, None](), dict[str, int]()
+    hashes = [""] * len(parameters)
+    of_scenes, of_media = dict[str, None](), dict[str, int]()
     for read, (key, indices) in enumerate(groups.items(), start=1):
-        base = _read(loaded, sweep, scenes, key, indices[0], parameters)
+        base, found = _read(loaded, sweep, scenes, key, indices[0], parameters)
         sizes.setdefault((base.width, base.height), indices[0])
         progress(read, len(groups))
-        hashes.append(_hash(_canonical(base.scene)))
         of_scenes |= dict.fromkeys(base.warnings)
         place = _medium_index(loaded, sweep, base.scene)
-        if place is None:
-            continue
         for index in indices:
+            hashes[index] = found
+            if place is None:
+                continue
             media[index] = medium = _medium(loaded, sweep, base.scene, place, index, parameters[index])
             for warning in base.scene.medium_warnings(place, medium):
                 of_media.setdefault(warning, index)
     if len(sizes) > 1:
         found = " and ".join(f"{width} x {height} (sample {index})" for (width, height), index in sizes.items())
         raise ConfigError(f"{loaded.path}: images of {found}; accepted: one size, as by image.width and image.height")
+    scenes.close()
     told = [f"sample {index}: {warning}" for warning, index in of_media.items()]
     return _Survey(next(iter(sizes)), tuple(media), tuple(hashes), (*of_scenes, *_few(told)))
 
 
 def _read(
     loaded: LoadedConfig, sweep: Sweep, scenes: SceneReader, key: Key, index: int, parameters: list[Parameters]
-) -> BaseScene:
+) -> tuple[BaseScene, str]:
     try:
         return scenes.read(key)
     except FgfError as error:
@@ -388,36 +394,11 @@ def _digest(
     kept = asdict(settings)
     for execution in ("threads", "memory", "seed", "device"):
         del kept[execution]
-    return _hash(
+    return content_hash(
         {
             "meta": rest,
             "settings": {**kept, "aovs": sorted(settings.aovs)},
-            "scenes": survey.scenes,
             "medium": [config.transport, config.line_variance],
-            "samples": [[sample.split, *sample.parameters.values(), sample.seed] for sample in samples],
+            "samples": [[sample.split, *sample.parameters.values(), sample.seed, sample.scene] for sample in samples],
         }
     )
-
-
-def _hash(content: Any) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def _canonical(value: Any) -> Any:
-    """A JSON-ready form in which equal content is equal text; arrays by their hash."""
-    if isinstance(value, np.ndarray):
-        array = np.ascontiguousarray(value)
-        return [str(array.dtype), array.shape, hashlib.sha256(array.tobytes()).hexdigest()]
-    if is_dataclass(value):
-        # Where the scene was read from does not change a pixel.
-        named = {
-            field.name: _canonical(getattr(value, field.name)) for field in fields(value) if field.name != "source"
-        }
-        return {"type": type(value).__name__, **named}
-    if isinstance(value, Mapping):
-        return {str(key): _canonical(item) for key, item in value.items()}
-    if isinstance(value, tuple | list):
-        return [_canonical(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return repr(value)
-    return value
