@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -264,9 +264,10 @@ def _survey(
     if len(sizes) > 1:
         found = " and ".join(f"{width} x {height} (sample {index})" for (width, height), index in sizes.items())
         raise ConfigError(f"{loaded.path}: images of {found}; accepted: one size, as by image.width and image.height")
+    idle = _idle(scenes, list(groups))
     scenes.close()
     told = [f"sample {index}: {warning}" for warning, index in of_media.items()]
-    return _Survey(next(iter(sizes)), tuple(media), tuple(hashes), (*of_scenes, *_few(told)))
+    return _Survey(next(iter(sizes)), tuple(media), tuple(hashes), (*of_scenes, *idle, *_few(told)))
 
 
 def _read(
@@ -340,6 +341,23 @@ def _check_lengths(config: SweepConfig, medium: Medium) -> None:
         longest, reach = max(config.targets.transmittance.grid_values()), medium.line_law.longest_segment()
         if longest > reach:  # type: ignore[operator]
             raise SceneError(f"targets.transmittance: t = {longest:g}; accepted: at most {reach:g}, where the law ends")
+
+
+def _idle(scenes: SceneReader, keys: Sequence[Key]) -> list[str]:
+    """Warnings of axes that leave the first scene as it is, as a light that is off would."""
+    found = []
+    for place, (name, target) in enumerate(scenes.recipe.targets.items()):
+        others = [key[place] for key in keys if key[place] != keys[0][place]]
+        if others and target.kind in ("attribute", "variants"):
+            changed = (*keys[0][:place], others[0], *keys[0][place + 1 :])
+            try:
+                has_changed = scenes.read(changed)[1] != scenes.read(keys[0])[1]
+            except FgfError:
+                continue  # No such sample is planned.
+            if not has_changed:
+                values = f"{described({name: keys[0][place]})} and {described({name: others[0]})}"
+                found.append(f"axis {name}: with {values} the scene is the same")
+    return found
 
 
 def _few(warnings: list[str]) -> list[str]:

@@ -417,6 +417,13 @@ def test_any_number_and_variant_of_the_stage_can_be_swept(plan_stage):
     assert [axis.target for axis in plan.meta.axes] == ["/World/Sky.inputs:color[1]", "/World/Ball{look}", "frame"]
 
 
+def test_an_axis_that_changes_nothing_is_warned_of(plan_stage):
+    far = {"target": "/World/Far.focalLength", "values": [20.0, 30.0]}
+    front = {"target": "/World/Front.focalLength", "values": [20.0, 30.0]}
+    plan = plan_stage(axes={"front": front, "far": far})
+    assert plan.warnings == ("axis far: with far = 20 and far = 30 the scene is the same",)
+
+
 def test_cameras_are_swept_by_path_and_on_an_orbit(plan_stage):
     plan = plan_stage(camera=None, axes={"camera": ["/World/Front", "/World/Far"]})
     assert [plan.scene_of(sample).camera.position[2] for sample in plan.samples] == [9, 90]
