@@ -168,11 +168,10 @@ def plan_table(plan: Plan) -> pa.Table:
     for axis in plan.meta.axes:
         kind = pa.string() if axis.category else pa.float64()
         columns[axis.name] = (kind, [sample.parameters[axis.name] for sample in plan.samples])
-    rows = [_labels(sample.medium) for sample in plan.samples if sample.medium is not None]
-    for name in rows[0] if rows else ():
-        if name not in columns:
-            kind = pa.string() if isinstance(rows[0][name], str) else pa.float64()
-            columns[name] = (kind, [row[name] for row in rows])
+    rows = [{} if sample.medium is None else _labels(sample.medium) for sample in plan.samples]
+    first = next(filter(None, rows), {})
+    for name in (name for name in first if name not in columns):
+        columns[name] = (pa.string() if isinstance(first[name], str) else pa.float64(), [row.get(name) for row in rows])
     return pa.table({name: pa.array(values, kind) for name, (kind, values) in columns.items()})
 
 
