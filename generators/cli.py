@@ -185,7 +185,7 @@ def render(
     """  # noqa: D301
     from fgf_warp.output.atomic import check_writable  # noqa: PLC0415
     from generators.stage import load_scene  # noqa: PLC0415
-    from usd_scenes.reader import COMPLEXITIES, stages_kept_open  # noqa: PLC0415
+    from usd_scenes.reader import COMPLEXITIES, OpenStages  # noqa: PLC0415
 
     aovs = _choose_aovs(aov)
     check_choice("--preset", preset, PRESETS)
@@ -223,7 +223,7 @@ def render(
         warned.update(base.warnings)
         return base.scene, settings
 
-    with stages_kept_open():
+    with OpenStages():
         if explain:
             from fgf_warp.features import explain as explain_kernel  # noqa: PLC0415
 
