@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import uuid
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from fnmatch import fnmatch
 from pathlib import Path
@@ -17,6 +18,9 @@ from fsspec.implementations.memory import MemoryFileSystem
 from fgf_warp.errors import OutputError
 from fgf_warp.output.atomic import PARTIAL_GLOB, write_bytes
 from generators.dataset import layout
+
+READERS = 32
+"""Requests at a time: an object store answers each after tens of milliseconds."""
 
 
 class Store:
@@ -60,6 +64,15 @@ class Store:
             FileNotFoundError: where there is none.
         """
         return bytes(self._fs.cat_file(self._path(name)))
+
+    def read_all(self, names: Sequence[str]) -> list[bytes]:
+        """Contents of many small files, in order; several are on their way at a time.
+
+        Raises:
+            FileNotFoundError: where one is missing.
+        """
+        with ThreadPoolExecutor(READERS) as pool:
+            return list(pool.map(self.read, names))
 
     def sizes(self, prefix: str = "") -> dict[str, int]:
         """Size of every file [byte] below a folder, by name and in their order; of none where there is no folder."""

@@ -9,12 +9,18 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
 from fgf_warp import __version__
 from fgf_warp.errors import ConfigError, FgfError, OutputError
 from generators.dataset import layout
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Failure, encode
 from generators.dataset.store import Store
+from generators.publishing.columns import COMPLETE, STATUS
+from generators.publishing.publish import publish
 from generators.running.dispatch import run_chunks
 from generators.running.events import EventLog
 from generators.running.in_process import InProcess
@@ -28,11 +34,6 @@ from generators.running.shard import Shard, cut_chunks
 
 if TYPE_CHECKING:
     from generators.planning.plan import Plan
-
-
-def publish(dataset):
-    pass
-
 
 EXECUTORS = ("local", "ray", "slurm")
 
@@ -228,10 +229,10 @@ class _Run:
         return False
 
     def report(self, interrupted: bool, seconds: float) -> Report:
-        """How it went."""
-        dataset = Dataset(self._store.location)
-        there = set(dataset.complete())
-        cut = [dataset.record(index).truncated for index in self._indices if index in there]
+        """How it went, by the labels."""
+        labels = pq.read_table(pa.BufferReader(self._store.read(layout.INDEX)), columns=[STATUS, "truncated"])
+        mine = labels.take(self._indices)
+        cut = mine.filter(pc.equal(mine[STATUS], COMPLETE))["truncated"].to_pylist()
         return Report(
             location=self._store.location,
             total=len(self._indices),

@@ -12,7 +12,7 @@ from fgf_warp.errors import ConfigError
 from generators.running.messages import Chunk
 
 if TYPE_CHECKING:
-    from generators.planning.plan import Plan
+    from generators.planning.plan import Plan, Sample
 
 
 @dataclass(frozen=True)
@@ -61,17 +61,25 @@ class Shard:
 
 
 def samples_of(plan: Plan, shard: Shard) -> list[int]:
-    """Indices of the samples of a shard, those of equal scenes after each other.
+    """Indices of the samples of a shard, those that share a batch after each other.
 
-    Each shard gets as many of each group of the plan, drawn by their seeds, so that all take about equally long,
-    whatever the axes do.
+    Each shard gets as many of each batch, drawn by their seeds, so that all take about equally long, whatever the axes
+    do.
     """
     groups: dict[Hashable, list[int]] = defaultdict(list)
     for sample in plan.samples:
-        groups[plan.group_key(sample)].append(sample.index)
+        groups[plan.group_key(sample), _kernel_key(sample)].append(sample.index)
     dealt = [index for group in groups.values() for index in sorted(group, key=lambda index: plan.samples[index].seed)]
     mine = set(dealt[shard.index :: shard.count])
     return [index for group in groups.values() for index in group if index in mine]
+
+
+def _kernel_key(sample: Sample) -> Hashable:
+    """What of a medium a kernel is built for."""
+    medium = sample.medium
+    if medium is None:
+        return None
+    return tuple(law.kind for law in medium.channel_laws), medium.resolved_transport, medium.phase_function
 
 
 def cut_chunks(indices: Sequence[int], count: int) -> list[Chunk]:
