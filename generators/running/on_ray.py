@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -43,7 +44,7 @@ class OnRay:
         self._ray = ray
         self._starts = not ray.is_initialized()
         if self._starts:
-            ray.init(logging_level="warning", log_to_driver=False)
+            ray.init(logging_level=logging.WARNING, log_to_driver=False)
         self._workers, self._cores = workers, way.threads or 1
         self._gpus = int(plan.settings.device.startswith("cuda"))
         self._arguments = (ray.put(plan), str(store.folder or store.location), Way(self._cores))

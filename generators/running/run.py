@@ -84,6 +84,11 @@ class Report:
     seconds: float
 
     @property
+    def contact_sheet(self) -> str:
+        """Where it is."""
+        return f"{self.location.rstrip('/')}/{layout.CONTACT_SHEET}"
+
+    @property
     def is_complete(self) -> bool:
         """Whether every sample of the shard is there."""
         return self.finished == self.total
@@ -106,7 +111,7 @@ class Workers:
     executor: str = "local"
     count: int | None = None
     cores: int | None = None
-    slurm: Mapping[str, str] | None = None
+    slurm: Mapping[str, str | int] | None = None
 
     def __post_init__(self) -> None:
         if self.executor not in EXECUTORS:
