@@ -31,6 +31,7 @@ from generators.commands.common import (
     start_warp,
     warn,
 )
+from generators.commands.export import export
 from generators.commands.generate import generate
 
 if TYPE_CHECKING:
@@ -439,6 +440,9 @@ def stability(
     typer.echo(f"report  {report}")
     if outcome.outside_count:
         raise typer.Exit(EXIT_PARTIAL)
+
+
+app.command()(export)
 
 
 def main() -> None:
