@@ -18,6 +18,7 @@ from fgf_warp.scene import Medium, Scene
 from fgf_warp.settings import RenderSettings
 from generators.dataset.layout import sample_name
 from generators.dataset.plan_table import INDEX, SEED, SPLIT, AxisMeta, PlanMeta, write_plan
+from generators.planning.config import SweepConfig
 from generators.planning.document import LoadedConfig
 from generators.planning.resolve import Axis, Sweep, resolve, touches_medium
 from generators.planning.sampling import (
@@ -136,7 +137,7 @@ def build_plan(loaded: LoadedConfig, device: str = "cpu") -> Plan:
     if config.design == "sobol" and count & (count - 1):
         warnings.append(f"{count} samples of a Sobol sequence: it is even over powers of 2 alone")
     return Plan(
-        meta=replace(meta, digest=_digest(meta, settings, survey, samples)),
+        meta=replace(meta, digest=_digest(config, meta, settings, survey, samples)),
         samples=samples,
         settings=settings,
         scenes=scenes,
@@ -362,7 +363,9 @@ def _axis_meta(axis: Axis) -> AxisMeta:
     return AxisMeta(axis.name, str(axis.target), axis.values, axis.target.has_names, axis.target.unit)
 
 
-def _digest(meta: PlanMeta, settings: RenderSettings, survey: _Survey, samples: Iterable[Sample]) -> str:
+def _digest(
+    config: SweepConfig, meta: PlanMeta, settings: RenderSettings, survey: _Survey, samples: Iterable[Sample]
+) -> str:
     """SHA-256 of a canonical form of all that the samples' files depend on.
 
     Scenes count by their content, wherever their layers lie; what only describes the dataset does not count.
@@ -376,9 +379,8 @@ def _digest(meta: PlanMeta, settings: RenderSettings, survey: _Survey, samples: 
             "meta": rest,
             "settings": {**kept, "aovs": sorted(settings.aovs)},
             "scenes": survey.scenes,
-            "samples": [
-                [sample.split, dict(sample.parameters), sample.seed, _canonical(sample.medium)] for sample in samples
-            ],
+            "medium": [config.transport, config.line_variance],
+            "samples": [[sample.split, *sample.parameters.values(), sample.seed] for sample in samples],
         }
     )
 
@@ -398,6 +400,8 @@ def _canonical(value: Any) -> Any:
             field.name: _canonical(getattr(value, field.name)) for field in fields(value) if field.name != "source"
         }
         return {"type": type(value).__name__, **named}
+    if isinstance(value, Mapping):
+        return {str(key): _canonical(item) for key, item in value.items()}
     if isinstance(value, tuple | list):
         return [_canonical(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):

@@ -23,6 +23,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
+
 from fgf_warp.errors import ConfigError
 from generators.dataset.layout import SPLITS
 from generators.planning.config import SplitsConfig

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from fgf_warp.scene import Camera
 from generators.planning.config import OrbitConfig
 from generators.planning.targets import Target
 from generators.stage import BaseScene, load_scene
+
+if TYPE_CHECKING:
+    from usd_scenes.reader import OpenStages
 
 Key = tuple[float | str, ...]
 """Values of the axes that change the scene, in the order of `Recipe.targets`."""
@@ -53,21 +56,22 @@ class Recipe:
         """What tells the scenes of samples apart."""
         return tuple(parameters[name] for name in self.targets)
 
-    def read(self, key: Key) -> BaseScene:
-        """One scene, whose source is the name of the stage's file alone.
+    def stage_key(self, key: Key) -> Key:
+        """The part of a key without the orbit: what the stage must be read anew for."""
+        kinds = (target.kind for target in self.targets.values())
+        return tuple(value for kind, value in zip(kinds, key, strict=True) if kind != "orbit")
+
+    def read_stage(self, stage_key: Key) -> BaseScene:
+        """A stage with other values, with its own camera; its source is the name of the stage's file alone.
 
         Raises:
             FgfError: where the stage is not accepted, or not with these values.
         """
-        values = dict(zip(self.targets, key, strict=True))
         view: dict[str, Any] = {"camera": self.camera, "frame": self.frame, "scene": next(iter(self.stages))}
-        orbit: dict[str, Any] = {}
         edits: dict[str, float | str] = {}
-        for name, value in values.items():
-            target = self.targets[name]
-            if target.kind == "orbit":
-                orbit[target.name] = value
-            elif target.kind in ("attribute", "variants"):
+        targets = (target for target in self.targets.values() if target.kind != "orbit")
+        for target, value in zip(targets, stage_key, strict=True):
+            if target.kind in ("attribute", "variants"):
                 edits[str(target)] = value
             else:
                 view[target.name] = value
@@ -79,10 +83,20 @@ class Recipe:
             width=self.width,
             height=self.height,
         )
-        scene = replace(base.scene, source=view["scene"])
-        if self.orbit:
-            scene = replace(scene, camera=orbiting(scene.camera, self.orbit, base.up_axis, **orbit))
-        return replace(base, scene=scene)
+        return replace(base, scene=replace(base.scene, source=view["scene"]))
+
+    def put_camera(self, base: BaseScene, key: Key) -> BaseScene:
+        """The same with the camera on its orbit, if there is one.
+
+        Raises:
+            ConfigError: for an elevation or a distance out of its range.
+        """
+        if self.orbit is None:
+            return base
+        named = zip(self.targets.values(), key, strict=True)
+        place: dict[str, Any] = {target.name: value for target, value in named if target.kind == "orbit"}
+        camera = orbiting(base.scene.camera, self.orbit, base.up_axis, **place)
+        return replace(base, scene=replace(base.scene, camera=camera))
 
 
 class SceneReader:
@@ -95,23 +109,31 @@ class SceneReader:
     def __init__(self, recipe: Recipe) -> None:
         self.recipe = recipe
         self._lock = threading.Lock()
-        self._stages: Any = None
-        self._kept = lru_cache(SCENES_KEPT)(self._read)
+        self._open: OpenStages | None = None
+        self._stage = lru_cache(SCENES_KEPT)(self._read_stage)
+        self._scene = lru_cache(SCENES_KEPT)(self._read)
 
     def __reduce__(self) -> tuple[type[SceneReader], tuple[Recipe]]:
         return SceneReader, (self.recipe,)
 
     def read(self, key: Key) -> BaseScene:
-        """See `Recipe.read`; may be called from any thread."""
-        with self._lock:
-            return self._kept(key)
+        """The scene of a key of `Recipe.key`; may be called from any thread.
 
-    def _read(self, key: Hashable) -> BaseScene:
+        Raises:
+            FgfError: where the stage is not accepted, or not with these values.
+        """
+        with self._lock:
+            return self._scene(key)
+
+    def _read(self, key: Key) -> BaseScene:
+        return self.recipe.put_camera(self._stage(self.recipe.stage_key(key)), key)
+
+    def _read_stage(self, stage_key: Key) -> BaseScene:
         from usd_scenes.reader import OpenStages  # noqa: PLC0415 - USD is slow to import
 
-        self._stages = self._stages or OpenStages()
-        with self._stages:
-            return self.recipe.read(key)  # type: ignore[arg-type]
+        self._open = self._open or OpenStages()
+        with self._open:
+            return self.recipe.read_stage(stage_key)
 
 
 def orbiting(
