@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from generators.plan import Plan
     from usd_scenes.reader import Frame
 
+PHASE_PARAMETERS = ("back_asymmetry", "back_weight", "draine_alpha")
 PLAN_ROWS = 20
 WARNINGS_SHOWN = 5
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
@@ -591,10 +592,9 @@ def _print_scene(scene: Scene, width: int, height: int) -> None:
 
 def _describe(medium: Medium) -> str:
     from fgf_warp.theory.law import REGIME_NAMES  # noqa: PLC0415
-    from generators.manifest import PHASE_COLUMNS  # noqa: PLC0415
 
     rule = medium.line_law
-    parameters = [f"{name} = {value:g}" for name in PHASE_COLUMNS if (value := getattr(medium, name))]
+    parameters = [f"{name} = {value:g}" for name in PHASE_PARAMETERS if (value := getattr(medium, name))]
     return (
         f"H = {medium.hurst:g}, g = {medium.asymmetry:g}, S_w = {medium.white_noise_scale:g}, "
         f"sigma_m = {rule.mean_extinction:g}; {REGIME_NAMES[rule.regime]}, b = {rule.b:.4g}, kappa = {rule.kappa:.4g}, "
