@@ -8,14 +8,13 @@ by the command that needs it.
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 from typer.core import TyperGroup
 
-from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError, OutputError
+from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError
 from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
 from generators.commands import plan as planning
 from generators.commands import validate
@@ -34,6 +33,7 @@ from generators.commands.common import (
     warn,
 )
 from generators.commands.export import export
+from generators.commands.generate import generate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,9 +45,13 @@ if TYPE_CHECKING:
     from generators.config import LoadedConfig
     from generators.pictures import Picture
     from generators.plan import Plan
-    from generators.run import Report
     from usd_scenes.reader import Frame
 
+<<<<<<< HEAD
+=======
+PHASE_PARAMETERS = ("back_asymmetry", "back_weight", "draine_alpha")
+PLAN_ROWS = 20
+>>>>>>> hc
 WARNINGS_SHOWN = 5
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option; it has no public name."""
@@ -245,56 +249,7 @@ def render(
                 fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
 
 
-@app.command()
-def generate(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="The dataset's YAML file.")],
-    overrides: Overrides = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder, in place of the config's.")] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            help="Threads that render, and as many that write files; default: the number of cores, 1 on a GPU.",
-        ),
-    ] = None,
-    device: Device = "cpu",
-    memory: Memory = RenderSettings.memory,
-) -> None:
-    """Make a dataset from a config.
-
-    It consists of images, their labels in index.parquet, and a contact sheet.
-
-    Stopped with Ctrl-C, the same command goes on where it was: finished samples are not rendered again. The images
-    do not depend on the number of workers, nor on the memory.
-
-    \b
-    Example:
-      fgf generate configs/quickstart.yaml --set spp=16 --out datasets/trial
-    """  # noqa: D301
-    from generators import run  # noqa: PLC0415
-
-    loaded, plan, warnings = _plan(config, overrides, device)
-    plan = replace(plan, settings=replace(plan.settings, memory=memory))
-    folder = out or Path(loaded.config.output or f"datasets/{loaded.config.name}")
-    start_warp(device)
-    warn(warnings)
-    with progress_bar(counted=True) as progress:
-
-        def show(done: float, total: int) -> None:
-            # The first call comes before the first image, while the kernel is built.
-            building = not progress.tasks
-            task = progress.add_task("", total=total) if building else progress.task_ids[0]
-            progress.update(task, description="building the kernel" if building else "rendering", completed=done)
-
-        try:
-            report = run.generate(plan, loaded, folder, workers=workers, progress=show)
-        except OutputError as error:
-            if not progress.tasks:
-                raise  # the folder itself is not accepted
-            fail(str(error), EXIT_PARTIAL)
-    _print_report(report, folder / run.CONTACT_SHEET, plan.settings.max_depth)
-    if not report.is_complete:
-        raise typer.Exit(EXIT_PARTIAL)
+app.command()(generate)
 
 
 @app.command()
@@ -540,6 +495,7 @@ def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
         typer.echo(f"wrote {file}")
 
 
+<<<<<<< HEAD
 def _print_report(report: Report, contact_sheet: Path, max_depth: int) -> None:
     for index, reason in report.failures:
         typer.echo(f"error: sample {index}: {reason}", err=True)
@@ -559,6 +515,32 @@ def _print_report(report: Report, contact_sheet: Path, max_depth: int) -> None:
         )
     if report.interrupted:
         typer.echo(f"stopped at {report.finished} of {report.total}; the same command goes on from here", err=True)
+=======
+def _print_plan(made: Plan) -> None:
+    from rich.console import Console  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+
+    from fgf_warp.output.exr import channel_names  # noqa: PLC0415
+
+    swept = list(made.samples[0].parameters)
+    table = Table("index", *swept, "regime", "b", "kappa", "transport", title=made.name)
+    for sample in made.samples[:PLAN_ROWS]:
+        rule = sample.medium.line_law
+        values = [f"{sample.parameters[name]:.6g}" for name in swept]
+        numbers = [f"{rule.b:.4g}", f"{rule.kappa:.4g}", sample.medium.resolved_transport]
+        table.add_row(str(sample.index), *values, rule.regime, *numbers)
+    console = Console()
+    console.print(table)
+    settings = made.settings
+    channels = len(channel_names(settings.aovs))
+    size = len(made.samples) * settings.width * settings.height * (4 * channels + (3 if made.png else 0))
+    hidden = max(0, len(made.samples) - PLAN_ROWS)
+    console.print(f"{len(made.samples)} samples{f', the first {PLAN_ROWS} shown' if hidden else ''}")
+    console.print(
+        f"{settings.width} x {settings.height} pixels, {settings.spp} samples per pixel, {channels} channels: "
+        f"at most about {size / 1e6:,.3g} MB"
+    )
+>>>>>>> hc
 
 
 def _print_reasons(reasons: Sequence[Reason]) -> None:
@@ -571,6 +553,36 @@ def _print_reasons(reasons: Sequence[Reason]) -> None:
     Console(markup=False, highlight=False).print(table)
 
 
+<<<<<<< HEAD
+=======
+def _print_scene(scene: Scene, width: int, height: int) -> None:
+    typer.echo(f"image   {width} x {height} pixels, {scene.meters_per_unit:g} m per unit")
+    typer.echo(f"camera  {scene.camera.name}")
+    for medium in scene.media:
+        typer.echo(f"medium  {medium.name}: {_describe(medium)}")
+    for shape in scene.shapes:
+        inside = f", filled with {scene.media[shape.medium].name}" if shape.medium is not None else ""
+        typer.echo(f"shape   {shape.name}: {getattr(shape, 'kind', 'mesh')}{inside}")
+    for light in scene.lights:
+        typer.echo(f"light   {light.name}: {type(light).__name__}")
+
+
+def _describe(medium: Medium) -> str:
+    from fgf_warp.theory.law import REGIME_NAMES  # noqa: PLC0415
+
+    rule = medium.line_law
+    parameters = [f"{name} = {value:g}" for name in PHASE_PARAMETERS if (value := getattr(medium, name))]
+    return (
+        f"H = {medium.hurst:g}, g = {medium.asymmetry:g}, S_w = {medium.white_noise_scale:g}, "
+        f"sigma_m = {rule.mean_extinction:g}; {REGIME_NAMES[rule.regime]}, b = {rule.b:.4g}, kappa = {rule.kappa:.4g}, "
+        f"{medium.resolved_transport} transport, {medium.phase_function} phase function"
+        + (f" ({', '.join(parameters)})" if parameters else "")
+        + (f", L = {medium.outer_scale:g}" if medium.outer_scale is not None else "")
+        + (", exact line variance" if rule.exact_fbm else "")
+    )
+
+
+>>>>>>> hc
 def _parse_lengths(text: str | None) -> list[float] | None:
     if text is None:
         return None
