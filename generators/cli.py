@@ -25,7 +25,6 @@ from generators.commands.common import (
     EXIT_UNEXPECTED,
     Device,
     Memory,
-    Overrides,
     check_choice,
     fail,
     progress_bar,
@@ -42,17 +41,9 @@ if TYPE_CHECKING:
     from fgf_warp.result import RenderResult
     from fgf_warp.scene import Scene
     from fgf_warp.theory.law import LineVariance
-    from generators.config import LoadedConfig
     from generators.pictures import Picture
-    from generators.plan import Plan
     from usd_scenes.reader import Frame
 
-<<<<<<< HEAD
-=======
-PHASE_PARAMETERS = ("back_asymmetry", "back_weight", "draine_alpha")
-PLAN_ROWS = 20
->>>>>>> hc
-WARNINGS_SHOWN = 5
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option; it has no public name."""
 
@@ -447,37 +438,6 @@ def _choose_aovs(names: list[str] | None) -> frozenset[Aov] | None:
     return frozenset(Aov(name) for name in names)
 
 
-def _plan(path: Path, overrides: list[str] | None, device: str) -> tuple[LoadedConfig, Plan, list[str]]:
-    """The config, its plan, and what a user should know about them."""
-    from generators.config import load_config  # noqa: PLC0415
-    from generators.plan import build_plan  # noqa: PLC0415
-    from generators.stage import load_scene  # noqa: PLC0415
-
-    loaded = load_config(path, overrides or ())
-    config = loaded.config
-    base = load_scene(
-        loaded.scene_path,
-        camera=config.camera,
-        frame=config.frame,
-        width=config.image.width,
-        height=config.image.height,
-    )
-    made = build_plan(config, base.scene, base.width, base.height, device)
-    return loaded, made, [*base.warnings, *_sample_warnings(made)]
-
-
-def _sample_warnings(made: Plan) -> list[str]:
-    """Of the media of the samples: each once, and no more of them than one reads."""
-    first: dict[str, int] = {}
-    for sample in made.samples:
-        for warning in made.scene.medium_warnings(made.medium_index, sample.medium):
-            first.setdefault(warning, sample.index)
-    shown = [f"sample {index}: {warning}" for warning, index in first.items()]
-    if len(shown) > WARNINGS_SHOWN:
-        shown[WARNINGS_SHOWN:] = [f"and {len(shown) - WARNINGS_SHOWN} more such warnings"]
-    return shown
-
-
 def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
     typer.echo(
         f"{result.seconds:.2f} s, {result.samples_per_second:.4g} samples/s, {result.samples} samples per pixel, "
@@ -495,54 +455,6 @@ def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
         typer.echo(f"wrote {file}")
 
 
-<<<<<<< HEAD
-def _print_report(report: Report, contact_sheet: Path, max_depth: int) -> None:
-    for index, reason in report.failures:
-        typer.echo(f"error: sample {index}: {reason}", err=True)
-    rendered = report.finished - report.reused
-    reused = f", {report.reused} from earlier runs" if report.reused else ""
-    typer.echo(f"{rendered} of {report.total} samples rendered{reused}, in {report.seconds:.1f} s")
-    typer.echo(f"dataset        {report.folder}")
-    typer.echo(f"contact sheet  {contact_sheet}")
-    if report.truncated_paths:
-        share = report.truncated_samples / report.finished
-        warn(
-            [
-                f"{report.truncated_paths} paths in {report.truncated_samples} of {report.finished} samples "
-                f"({share:.2g} of all) were cut after {max_depth} scattering events, so their images are a little "
-                "too dark; the labels' column truncated says which, and a higher preset cuts later"
-            ]
-        )
-    if report.interrupted:
-        typer.echo(f"stopped at {report.finished} of {report.total}; the same command goes on from here", err=True)
-=======
-def _print_plan(made: Plan) -> None:
-    from rich.console import Console  # noqa: PLC0415
-    from rich.table import Table  # noqa: PLC0415
-
-    from fgf_warp.output.exr import channel_names  # noqa: PLC0415
-
-    swept = list(made.samples[0].parameters)
-    table = Table("index", *swept, "regime", "b", "kappa", "transport", title=made.name)
-    for sample in made.samples[:PLAN_ROWS]:
-        rule = sample.medium.line_law
-        values = [f"{sample.parameters[name]:.6g}" for name in swept]
-        numbers = [f"{rule.b:.4g}", f"{rule.kappa:.4g}", sample.medium.resolved_transport]
-        table.add_row(str(sample.index), *values, rule.regime, *numbers)
-    console = Console()
-    console.print(table)
-    settings = made.settings
-    channels = len(channel_names(settings.aovs))
-    size = len(made.samples) * settings.width * settings.height * (4 * channels + (3 if made.png else 0))
-    hidden = max(0, len(made.samples) - PLAN_ROWS)
-    console.print(f"{len(made.samples)} samples{f', the first {PLAN_ROWS} shown' if hidden else ''}")
-    console.print(
-        f"{settings.width} x {settings.height} pixels, {settings.spp} samples per pixel, {channels} channels: "
-        f"at most about {size / 1e6:,.3g} MB"
-    )
->>>>>>> hc
-
-
 def _print_reasons(reasons: Sequence[Reason]) -> None:
     from rich.console import Console  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
@@ -553,36 +465,6 @@ def _print_reasons(reasons: Sequence[Reason]) -> None:
     Console(markup=False, highlight=False).print(table)
 
 
-<<<<<<< HEAD
-=======
-def _print_scene(scene: Scene, width: int, height: int) -> None:
-    typer.echo(f"image   {width} x {height} pixels, {scene.meters_per_unit:g} m per unit")
-    typer.echo(f"camera  {scene.camera.name}")
-    for medium in scene.media:
-        typer.echo(f"medium  {medium.name}: {_describe(medium)}")
-    for shape in scene.shapes:
-        inside = f", filled with {scene.media[shape.medium].name}" if shape.medium is not None else ""
-        typer.echo(f"shape   {shape.name}: {getattr(shape, 'kind', 'mesh')}{inside}")
-    for light in scene.lights:
-        typer.echo(f"light   {light.name}: {type(light).__name__}")
-
-
-def _describe(medium: Medium) -> str:
-    from fgf_warp.theory.law import REGIME_NAMES  # noqa: PLC0415
-
-    rule = medium.line_law
-    parameters = [f"{name} = {value:g}" for name in PHASE_PARAMETERS if (value := getattr(medium, name))]
-    return (
-        f"H = {medium.hurst:g}, g = {medium.asymmetry:g}, S_w = {medium.white_noise_scale:g}, "
-        f"sigma_m = {rule.mean_extinction:g}; {REGIME_NAMES[rule.regime]}, b = {rule.b:.4g}, kappa = {rule.kappa:.4g}, "
-        f"{medium.resolved_transport} transport, {medium.phase_function} phase function"
-        + (f" ({', '.join(parameters)})" if parameters else "")
-        + (f", L = {medium.outer_scale:g}" if medium.outer_scale is not None else "")
-        + (", exact line variance" if rule.exact_fbm else "")
-    )
-
-
->>>>>>> hc
 def _parse_lengths(text: str | None) -> list[float] | None:
     if text is None:
         return None
