@@ -224,7 +224,7 @@ def _recipe(loaded: LoadedConfig, sweep: Sweep) -> Recipe:
         path = loaded.file(name)
         if path.name in stages:
             raise loaded.error(("axes",), f"two stages are called {path.name}; accepted: files of different names")
-        stages[path.name] = str(path)
+        stages[path.name] = str(path.absolute())  # A worker may start in another folder.
     return Recipe(
         stages=stages,
         targets={axis.name: axis.target for axis in sweep.axes if axis.target.kind != "medium"},
