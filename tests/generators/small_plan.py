@@ -41,9 +41,7 @@ def content(location: Path) -> dict[str, bytes]:
     return {
         str(path.relative_to(location)): path.read_bytes()
         for path in sorted(location.rglob("*"))
-        if path.is_file()
-        and path.name not in NOT_EQUAL
-        and path.relative_to(location).parts[0] != "run"
+        if path.is_file() and path.name not in NOT_EQUAL and path.relative_to(location).parts[0] != "run"
     }
 
 
