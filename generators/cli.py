@@ -8,35 +8,42 @@ by the command that needs it.
 from __future__ import annotations
 
 import sys
-from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 from typer.core import TyperGroup
 
-from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError, OutputError
+from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError
 from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
+from generators.commands import plan as planning
+from generators.commands import validate
+from generators.commands.common import (
+    EXIT_BAD_INPUT,
+    EXIT_CORRUPT,
+    EXIT_PARTIAL,
+    EXIT_UNEXPECTED,
+    Device,
+    Memory,
+    check_choice,
+    fail,
+    progress_bar,
+    start_warp,
+    warn,
+)
+from generators.commands.export import export
+from generators.commands.generate import generate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from rich.progress import Progress
+    from collections.abc import Sequence
 
     from fgf_warp.features import Reason
     from fgf_warp.result import RenderResult
-    from fgf_warp.scene import Medium, Scene
+    from fgf_warp.scene import Scene
     from fgf_warp.theory.law import LineVariance
-    from generators.config import LoadedConfig
     from generators.pictures import Picture
-    from generators.plan import Plan
-    from generators.run import Report
     from usd_scenes.reader import Frame
 
-EXIT_BAD_INPUT, EXIT_PARTIAL, EXIT_CORRUPT, EXIT_UNEXPECTED = 2, 3, 4, 5
-PLAN_ROWS = 20
-WARNINGS_SHOWN = 5
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option; it has no public name."""
 
@@ -49,11 +56,11 @@ class _Group(TyperGroup):
         try:
             code = super().main(*args, **extra)
         except UsageError as error:
-            _fail(error.format_message(), EXIT_BAD_INPUT)  # type: ignore[attr-defined]
+            fail(error.format_message(), EXIT_BAD_INPUT)  # type: ignore[attr-defined]
         except (CorruptFileError, NumericalError) as error:
-            _fail(str(error), EXIT_CORRUPT)
+            fail(str(error), EXIT_CORRUPT)
         except FgfError as error:
-            _fail(str(error), EXIT_BAD_INPUT)
+            fail(str(error), EXIT_BAD_INPUT)
         sys.exit(code or 0)
 
 
@@ -65,15 +72,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the config, e.g. spp=16 or axes.H=[-0.4]."),
-]
-Device = Annotated[str, typer.Option(help="Where to render: cpu, or a GPU such as cuda:0.")]
-Memory = Annotated[
-    float, typer.Option(metavar="GIB", help="Most memory for the images that are rendered at once; changes no pixel.")
-]
 
 
 @app.callback(invoke_without_command=True)
@@ -183,12 +181,12 @@ def render(
     """  # noqa: D301
     from fgf_warp.output.atomic import check_writable  # noqa: PLC0415
     from generators.stage import load_scene  # noqa: PLC0415
-    from usd_scenes.reader import COMPLEXITIES, stages_kept_open  # noqa: PLC0415
+    from usd_scenes.reader import COMPLEXITIES, OpenStages  # noqa: PLC0415
 
     aovs = _choose_aovs(aov)
-    _check_choice("--preset", preset, PRESETS)
-    _check_choice("--sampler", sampler, Sampler)
-    _check_choice("--complexity", complexity, COMPLEXITIES)
+    check_choice("--preset", preset, PRESETS)
+    check_choice("--sampler", sampler, Sampler)
+    check_choice("--complexity", complexity, COMPLEXITIES)
     times = _choose_frames(frames, default_time=default_time)
     warned: set[str] = set()
 
@@ -217,11 +215,11 @@ def render(
             device=device,
             memory=memory,
         )
-        _warn([warning for warning in base.warnings if warning not in warned])
+        warn([warning for warning in base.warnings if warning not in warned])
         warned.update(base.warnings)
         return base.scene, settings
 
-    with stages_kept_open():
+    with OpenStages():
         if explain:
             from fgf_warp.features import explain as explain_kernel  # noqa: PLC0415
 
@@ -233,122 +231,16 @@ def render(
         for picture in pictures:
             for file in picture.files:
                 check_writable(file)
-        _warn(warnings)
-        _start_warp(device)
+        warn(warnings)
+        start_warp(device)
         for done, picture in enumerate(pictures):
             try:
                 _render_picture(picture, *load(picture.frame, picture.product))
             except KeyboardInterrupt:
-                _fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
+                fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
 
 
-@app.command()
-def generate(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="The dataset's YAML file.")],
-    overrides: Overrides = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder, in place of the config's.")] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            help="Threads that render, and as many that write files; default: the number of cores, 1 on a GPU.",
-        ),
-    ] = None,
-    device: Device = "cpu",
-    memory: Memory = RenderSettings.memory,
-) -> None:
-    """Make a dataset from a config.
-
-    It consists of images, their labels in index.parquet, and a contact sheet.
-
-    Stopped with Ctrl-C, the same command goes on where it was: finished samples are not rendered again. The images
-    do not depend on the number of workers, nor on the memory.
-
-    \b
-    Example:
-      fgf generate configs/quickstart.yaml --set spp=16 --out datasets/trial
-    """  # noqa: D301
-    from generators import run  # noqa: PLC0415
-
-    loaded, plan, warnings = _plan(config, overrides, device)
-    plan = replace(plan, settings=replace(plan.settings, memory=memory))
-    folder = out or Path(loaded.config.output or f"datasets/{loaded.config.name}")
-    _start_warp(device)
-    _warn(warnings)
-    with _progress(counted=True) as progress:
-
-        def show(done: float, total: int) -> None:
-            # The first call comes before the first image, while the kernel is built.
-            building = not progress.tasks
-            task = progress.add_task("", total=total) if building else progress.task_ids[0]
-            progress.update(task, description="building the kernel" if building else "rendering", completed=done)
-
-        try:
-            report = run.generate(plan, loaded, folder, workers=workers, progress=show)
-        except OutputError as error:
-            if not progress.tasks:
-                raise  # the folder itself is not accepted
-            _fail(str(error), EXIT_PARTIAL)
-    _print_report(report, folder / run.CONTACT_SHEET, plan.settings.max_depth)
-    if not report.is_complete:
-        raise typer.Exit(EXIT_PARTIAL)
-
-
-@app.command()
-def plan(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="The dataset's YAML file.")],
-    overrides: Overrides = None,
-) -> None:
-    """Show the samples of a dataset without rendering any.
-
-    \b
-    Example:
-      fgf plan configs/quickstart.yaml --set "axes.S_w={logspace: [0.01, 10, 4]}"
-    """  # noqa: D301
-    _, made, warnings = _plan(config, overrides, "cpu")
-    _warn(warnings)
-    _print_plan(made)
-
-
-@app.command()
-def validate(
-    path: Annotated[Path, typer.Argument(metavar="STAGE_OR_CONFIG", help="A USD file, or a dataset's YAML file.")],
-) -> None:
-    """Check a stage or a config and say what is in it.
-
-    Of a stage it tells everything that is wrong, by USD's own validators and by those of FGF-Warp, one line each. Where
-    there is an error, the exit code is 2.
-
-    \b
-    Example:
-      fgf validate usd_scenes/stages/cloud_block.usda
-    """  # noqa: D301
-    if path.suffix.lower() in (".yaml", ".yml"):
-        loaded, made, warnings = _plan(path, None, "cpu")
-        settings, swept = made.settings, ", ".join(loaded.config.axes) or "nothing"
-        typer.echo(f"{path}: {len(made.samples)} samples, sweeping {swept}, of {loaded.scene_path}")
-        _print_scene(made.scene, settings.width, settings.height)
-        _warn(warnings)
-        return
-    from generators.stage import load_scene  # noqa: PLC0415
-    from usd_scenes.validation import validate_stage  # noqa: PLC0415
-
-    findings = validate_stage(path)
-    for finding in findings:
-        typer.echo(finding)
-    counts = {kind: sum(finding.severity == kind for finding in findings) for kind in ("error", "warning")}
-    typer.echo(f"{path}: {_counted(counts['error'], 'error')}, {_counted(counts['warning'], 'warning')}")
-    try:
-        base = load_scene(path)
-    except FgfError:
-        if not counts["error"]:
-            raise
-        typer.echo("not accepted by the renderer")
-    else:
-        _print_scene(base.scene, base.width, base.height)
-        _warn(base.warnings)
-    if counts["error"]:
-        raise typer.Exit(EXIT_BAD_INPUT)
+app.command()(generate)
 
 
 @app.command()
@@ -382,7 +274,7 @@ def law(
     from fgf_warp.theory.law import LINE_VARIANCES, REGIME_NAMES  # noqa: PLC0415
     from generators.law import evaluate_law  # noqa: PLC0415
 
-    _check_choice("--lineVariance", line_variance, LINE_VARIANCES)
+    check_choice("--lineVariance", line_variance, LINE_VARIANCES)
     found = evaluate_law(
         hurst=hurst,
         white_noise_scale=white_noise_scale,
@@ -404,7 +296,7 @@ def law(
     typer.echo(f"\n{'t':>12}  {'transmittance':>14}  {'free-flight pdf':>16}")
     for row in zip(found["t"], found["transmittance"], found["free_flight_pdf"], strict=True):
         typer.echo("{:12.6g}  {:14.6g}  {:16.6g}".format(*row))
-    _warn(found["warnings"])
+    warn(found["warnings"])
 
 
 @app.command()
@@ -428,13 +320,13 @@ def figures(
     Example:
       fgf figures --only white-limit --out trial
     """  # noqa: D301
-    _start_warp(device)
+    start_warp(device)
     from generators.figures.gallery import write_figures  # noqa: PLC0415
 
     # The page of some figures does not take the place of that of all.
     folder = out or Path("-".join(["figures", *(only or ())]))
 
-    with _progress(counted=True) as progress:
+    with progress_bar(counted=True) as progress:
         task = progress.add_task("reading the scene", total=None)
 
         def show(name: str, done: float, total: int) -> None:
@@ -467,13 +359,13 @@ def stability(
     Example:
       fgf stability --quick
     """  # noqa: D301
-    _start_warp(device)
+    start_warp(device)
     from generators.stability import run  # noqa: PLC0415
     from generators.stability.extremes import FULL, QUICK  # noqa: PLC0415
 
     folder = out or Path("stability-quick" if quick else "stability")
     run.make_folder(folder)
-    with _progress(counted=True) as progress:
+    with progress_bar(counted=True) as progress:
         task = progress.add_task("", total=None)
 
         def show(part: str, done: int, total: int) -> None:
@@ -489,19 +381,18 @@ def stability(
         raise typer.Exit(EXIT_PARTIAL)
 
 
+app.command()(export)
+
+
+app.command()(planning.plan)
+app.command()(planning.init)
+app.command()(planning.schema)
+app.command()(validate.validate)
+
+
 def main() -> None:
     """Entry point of the console script."""
     app()
-
-
-def _fail(message: str, code: int) -> NoReturn:
-    typer.echo(f"error: {message}", err=True)
-    sys.exit(code)
-
-
-def _warn(warnings: Sequence[str]) -> None:
-    for warning in warnings:
-        typer.echo(f"warning: {warning}", err=True)
 
 
 def _choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | None]:
@@ -523,7 +414,7 @@ def _render_picture(picture: Picture, scene: Scene, settings: RenderSettings) ->
     from fgf_warp.renderer import render as render_scene  # noqa: PLC0415
 
     check_memory(settings)
-    with _progress(counted=False) as progress:
+    with progress_bar(counted=False) as progress:
         task = progress.add_task("building the kernel", total=None)
         prepare(scene, settings)
 
@@ -547,81 +438,6 @@ def _choose_aovs(names: list[str] | None) -> frozenset[Aov] | None:
     return frozenset(Aov(name) for name in names)
 
 
-def _counted(number: int, thing: str) -> str:
-    return f"{number} {thing}{'' if number == 1 else 's'}"
-
-
-def _check_choice(option: str, value: str, accepted: Iterable[str]) -> None:
-    if value not in list(accepted):
-        raise ConfigError(f"{option} {value}: accepted: {', '.join(accepted)}")
-
-
-def _start_warp(device: str) -> None:
-    """Starts Warp without its banner and sees that the device is there."""
-    import warp as wp  # noqa: PLC0415
-
-    wp.config.log_level = wp.LOG_WARNING
-    from fgf_warp.renderer import check_device  # noqa: PLC0415
-
-    check_device(device)
-
-
-def _plan(path: Path, overrides: list[str] | None, device: str) -> tuple[LoadedConfig, Plan, list[str]]:
-    """The config, its plan, and what a user should know about them."""
-    from generators.config import load_config  # noqa: PLC0415
-    from generators.plan import build_plan  # noqa: PLC0415
-    from generators.stage import load_scene  # noqa: PLC0415
-
-    loaded = load_config(path, overrides or ())
-    config = loaded.config
-    base = load_scene(
-        loaded.scene_path,
-        camera=config.camera,
-        frame=config.frame,
-        width=config.image.width,
-        height=config.image.height,
-    )
-    made = build_plan(config, base.scene, base.width, base.height, device)
-    return loaded, made, [*base.warnings, *_sample_warnings(made)]
-
-
-def _sample_warnings(made: Plan) -> list[str]:
-    """Of the media of the samples: each once, and no more of them than one reads."""
-    first: dict[str, int] = {}
-    for sample in made.samples:
-        for warning in made.scene.medium_warnings(made.medium_index, sample.medium):
-            first.setdefault(warning, sample.index)
-    shown = [f"sample {index}: {warning}" for warning, index in first.items()]
-    if len(shown) > WARNINGS_SHOWN:
-        shown[WARNINGS_SHOWN:] = [f"and {len(shown) - WARNINGS_SHOWN} more such warnings"]
-    return shown
-
-
-@contextmanager
-def _progress(*, counted: bool) -> Iterator[Progress]:
-    """A bar on stderr with rate and time left, and the count where it is worth reading."""
-    from rich.console import Console  # noqa: PLC0415
-    from rich.progress import (  # noqa: PLC0415
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        ProgressColumn,
-        Task,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-    from rich.text import Text  # noqa: PLC0415
-
-    class Rate(ProgressColumn):
-        def render(self, task: Task) -> Text:
-            return Text(f"{task.speed:,.3g}/s" if task.speed else "")
-
-    count = [MofNCompleteColumn()] if counted else []
-    columns = [TextColumn("{task.description}"), BarColumn(), *count, Rate(), TimeRemainingColumn()]
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        yield progress
-
-
 def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
     typer.echo(
         f"{result.seconds:.2f} s, {result.samples_per_second:.4g} samples/s, {result.samples} samples per pixel, "
@@ -629,7 +445,7 @@ def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
     )
     if result.truncated_count:
         share = result.truncated_count / result.path_count
-        _warn(
+        warn(
             [
                 f"{result.truncated_count} paths ({share:.2g} of all) were cut after {result.settings.max_depth} "
                 "scattering events, so the image is a little too dark; a higher --preset cuts later"
@@ -637,53 +453,6 @@ def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
         )
     for file in files:
         typer.echo(f"wrote {file}")
-
-
-def _print_report(report: Report, contact_sheet: Path, max_depth: int) -> None:
-    for index, reason in report.failures:
-        typer.echo(f"error: sample {index}: {reason}", err=True)
-    rendered = report.finished - report.reused
-    reused = f", {report.reused} from earlier runs" if report.reused else ""
-    typer.echo(f"{rendered} of {report.total} samples rendered{reused}, in {report.seconds:.1f} s")
-    typer.echo(f"dataset        {report.folder}")
-    typer.echo(f"contact sheet  {contact_sheet}")
-    if report.truncated_paths:
-        share = report.truncated_samples / report.finished
-        _warn(
-            [
-                f"{report.truncated_paths} paths in {report.truncated_samples} of {report.finished} samples "
-                f"({share:.2g} of all) were cut after {max_depth} scattering events, so their images are a little "
-                "too dark; the labels' column truncated says which, and a higher preset cuts later"
-            ]
-        )
-    if report.interrupted:
-        typer.echo(f"stopped at {report.finished} of {report.total}; the same command goes on from here", err=True)
-
-
-def _print_plan(made: Plan) -> None:
-    from rich.console import Console  # noqa: PLC0415
-    from rich.table import Table  # noqa: PLC0415
-
-    from fgf_warp.output.exr import channel_names  # noqa: PLC0415
-
-    swept = list(made.samples[0].parameters)
-    table = Table("index", *swept, "regime", "b", "kappa", "transport", title=made.name)
-    for sample in made.samples[:PLAN_ROWS]:
-        rule = sample.medium.line_law
-        values = [f"{sample.parameters[name]:.6g}" for name in swept]
-        numbers = [f"{rule.b:.4g}", f"{rule.kappa:.4g}", sample.medium.resolved_transport]
-        table.add_row(str(sample.index), *values, rule.regime, *numbers)
-    console = Console()
-    console.print(table)
-    settings = made.settings
-    channels = len(channel_names(settings.aovs))
-    size = len(made.samples) * settings.width * settings.height * (4 * channels + (3 if made.png else 0))
-    hidden = max(0, len(made.samples) - PLAN_ROWS)
-    console.print(f"{len(made.samples)} samples{f', the first {PLAN_ROWS} shown' if hidden else ''}")
-    console.print(
-        f"{settings.width} x {settings.height} pixels, {settings.spp} samples per pixel, {channels} channels: "
-        f"at most about {size / 1e6:,.3g} MB"
-    )
 
 
 def _print_reasons(reasons: Sequence[Reason]) -> None:
@@ -694,34 +463,6 @@ def _print_reasons(reasons: Sequence[Reason]) -> None:
     for reason in reasons:
         table.add_row(reason.part, "yes" if reason.built else "-", reason.why)
     Console(markup=False, highlight=False).print(table)
-
-
-def _print_scene(scene: Scene, width: int, height: int) -> None:
-    typer.echo(f"image   {width} x {height} pixels, {scene.meters_per_unit:g} m per unit")
-    typer.echo(f"camera  {scene.camera.name}")
-    for medium in scene.media:
-        typer.echo(f"medium  {medium.name}: {_describe(medium)}")
-    for shape in scene.shapes:
-        inside = f", filled with {scene.media[shape.medium].name}" if shape.medium is not None else ""
-        typer.echo(f"shape   {shape.name}: {getattr(shape, 'kind', 'mesh')}{inside}")
-    for light in scene.lights:
-        typer.echo(f"light   {light.name}: {type(light).__name__}")
-
-
-def _describe(medium: Medium) -> str:
-    from fgf_warp.theory.law import REGIME_NAMES  # noqa: PLC0415
-    from generators.manifest import PHASE_COLUMNS  # noqa: PLC0415
-
-    rule = medium.line_law
-    parameters = [f"{name} = {value:g}" for name in PHASE_COLUMNS if (value := getattr(medium, name))]
-    return (
-        f"H = {medium.hurst:g}, g = {medium.asymmetry:g}, S_w = {medium.white_noise_scale:g}, "
-        f"sigma_m = {rule.mean_extinction:g}; {REGIME_NAMES[rule.regime]}, b = {rule.b:.4g}, kappa = {rule.kappa:.4g}, "
-        f"{medium.resolved_transport} transport, {medium.phase_function} phase function"
-        + (f" ({', '.join(parameters)})" if parameters else "")
-        + (f", L = {medium.outer_scale:g}" if medium.outer_scale is not None else "")
-        + (", exact line variance" if rule.exact_fbm else "")
-    )
 
 
 def _parse_lengths(text: str | None) -> list[float] | None:

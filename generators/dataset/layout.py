@@ -30,7 +30,6 @@ CONFIG = "config.yaml"
 CONTACT_SHEET = "contact_sheet.png"
 DATA = "data"
 RUN = "run"
-EVENTS = "run/events.jsonl"
 FAILURES = "run/failures"
 
 RADIANCE = "radiance.exr"
@@ -55,6 +54,11 @@ def sample_folder(split: str, index: int) -> str:
 def split_metadata(split: str) -> str:
     """Path of the labels of a split's complete samples."""
     return f"{DATA}/{split}/metadata.parquet"
+
+
+def events(shard: str = "") -> str:
+    """Path of what happened in a run, as lines of JSON; of a shard with a suffix such as ``-0-of-4``."""
+    return f"{RUN}/events{shard}.jsonl"
 
 
 def failure(index: int) -> str:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 
 import pyarrow as pa
 
-from fgf_warp.errors import ConfigError
+from fgf_warp.errors import ConfigError, CorruptFileError
 from generators.dataset import layout
 from generators.dataset.plan_table import INDEX, SPLIT, PlanMeta, read_plan
 from generators.dataset.record import (
@@ -61,13 +62,19 @@ class Dataset:
         Raises:
             CorruptFileError: where it cannot be read.
         """
-        name = f"{self.folders[index]}/{layout.RECORD}"
-        return decode_record(self.store.read(name), f"{self.store.location}/{name}")
+        return self.records([index])[0]
+
+    def records(self, indices: Sequence[int]) -> list[Record]:
+        """What complete samples reached; raises as `record` does."""
+        return [decode_record(content, name) for name, content in self._read(indices, layout.RECORD)]
 
     def timing(self, index: int) -> Timing:
         """How long a complete sample took; raises as `record` does."""
-        name = f"{self.folders[index]}/{layout.TIMING}"
-        return decode_timing(self.store.read(name), f"{self.store.location}/{name}")
+        return self.timings([index])[0]
+
+    def timings(self, indices: Sequence[int]) -> list[Timing]:
+        """How long complete samples took; raises as `record` does."""
+        return [decode_timing(content, name) for name, content in self._read(indices, layout.TIMING)]
 
     def failures(self) -> dict[int, Failure]:
         """Why samples that were tried are not there, by index."""
@@ -76,3 +83,14 @@ class Dataset:
             failure = decode_failure(self.store.read(name), f"{self.store.location}/{name}")
             found[failure.index] = failure
         return found
+
+    def _read(self, indices: Sequence[int], name: str) -> Iterator[tuple[str, bytes]]:
+        """One file of each sample: its name for an error, and its content."""
+        names = [f"{self.folders[index]}/{name}" for index in indices]
+        located = [f"{self.store.location}/{name}" for name in names]
+        try:
+            return zip(located, self.store.read_all(names), strict=True)
+        except FileNotFoundError as error:
+            raise CorruptFileError(
+                f"{error.filename or error}: is missing; fgf verify --repair makes it anew"
+            ) from error

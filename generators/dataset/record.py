@@ -35,7 +35,7 @@ class Record:
         standard_error: mean relative standard error of the pixels.
         truncated: paths cut at the bound on their length.
         nonfinite: samples that were not finite; a complete sample has none.
-        statistics: of the image, by name; see `generators.dataset.statistics`.
+        statistics: of the image, by name; see `generators.publishing.statistics`.
         targets: the extra targets, by name: numbers or lists of numbers.
         files: the sample's other files, but for the timing, by name.
     """

@@ -5,16 +5,22 @@ from __future__ import annotations
 import os
 import shutil
 import uuid
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from fnmatch import fnmatch
 from pathlib import Path
 
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
+from fsspec.implementations.memory import MemoryFileSystem
 
 from fgf_warp.errors import OutputError
-from fgf_warp.output.atomic import write_bytes
+from fgf_warp.output.atomic import PARTIAL_GLOB, write_bytes
 from generators.dataset import layout
+
+READERS = 32
+"""Requests at a time: an object store answers each after tens of milliseconds."""
 
 
 class Store:
@@ -42,6 +48,11 @@ class Store:
         """Of a dataset on this machine's file system."""
         return Path(self._root) if isinstance(self._fs, LocalFileSystem) else None
 
+    @property
+    def is_shared(self) -> bool:
+        """Whether other processes see it."""
+        return not isinstance(self._fs, MemoryFileSystem)
+
     def exists(self, name: str) -> bool:
         """Whether there is such a file."""
         return bool(self._fs.isfile(self._path(name)))
@@ -54,6 +65,17 @@ class Store:
         """
         return bytes(self._fs.cat_file(self._path(name)))
 
+    def read_all(self, names: Sequence[str]) -> list[bytes]:
+        """Contents of many small files, in order; of an object store several are on their way at a time.
+
+        Raises:
+            FileNotFoundError: where one is missing.
+        """
+        if self.folder:
+            return [self.read(name) for name in names]
+        with ThreadPoolExecutor(READERS) as pool:
+            return list(pool.map(self.read, names))
+
     def sizes(self, prefix: str = "") -> dict[str, int]:
         """Size of every file [byte] below a folder, by name and in their order; of none where there is no folder."""
         self._fs.invalidate_cache()
@@ -62,6 +84,30 @@ class Store:
             return {}
         found = self._fs.find(below, detail=True)
         return {path[len(self._root) + 1 :]: int(entry["size"]) for path, entry in sorted(found.items())}
+
+    def entries(self) -> list[str]:
+        """Names of files and folders at the top, without those that a killed run left half-written."""
+        self._fs.invalidate_cache()
+        found = self._fs.ls(self._root, detail=False) if self._fs.isdir(self._root) else []
+        names = [str(path).rstrip("/").rpartition("/")[2] for path in found]
+        return sorted(name for name in names if not fnmatch(name, PARTIAL_GLOB))
+
+    def sweep(self, samples: Collection[str]) -> None:
+        """Removes what killed runs left half-written of these samples, and of the files that are no sample's.
+
+        Args:
+            samples: their names.
+
+        Raises:
+            OutputError: where a leftover cannot be removed.
+        """
+        if not self.folder:
+            return
+        for parent in ("", f"{layout.DATA}/*/", f"{layout.RUN}/", f"{layout.FAILURES}/"):
+            for leftover in self.folder.glob(parent + PARTIAL_GLOB):
+                owner = leftover.name.split(".")[1]
+                if owner in samples or not owner.isdigit():
+                    self.remove(str(leftover.relative_to(self.folder)))
 
     def write(self, name: str, content: bytes) -> None:
         """Writes a file, in the place of an older one.
@@ -76,6 +122,22 @@ class Store:
                 write_bytes(path, content)
             else:
                 self._fs.pipe_file(self._path(name), content)
+
+    def upload(self, folder: Path) -> None:
+        """Writes all files of a folder on this machine; those that are there already are removed should one fail.
+
+        Raises:
+            OutputError: where one cannot be written.
+        """
+        names = [path.name for path in sorted(folder.iterdir())]
+        try:
+            for name in names:
+                with self._writing(name):
+                    self._fs.put_file(str(folder / name), self._path(name))
+        except BaseException:
+            for name in names:
+                self.remove(name)
+            raise
 
     def commit(self, folder: str, files: dict[str, bytes]) -> bool:
         """Makes a sample visible, whole.

@@ -9,7 +9,8 @@ from typer.testing import CliRunner
 
 import fgf_warp.renderer
 from fgf_warp.scene import Medium
-from generators.cli import EXIT_UNEXPECTED, app
+from generators.cli import app
+from generators.commands.common import EXIT_UNEXPECTED
 from generators.figures import white_limit
 from generators.figures.agreement import Estimate, compare, extrapolate
 from generators.figures.gallery import EXHIBITS

@@ -1,0 +1,1 @@
+"""The commands of `fgf`, by topic; `generators.cli` puts them together."""

@@ -1,0 +1,89 @@
+"""What the commands share: exit codes, options, and how they speak to who calls them."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+from fgf_warp.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from rich.progress import Progress
+
+EXIT_BAD_INPUT, EXIT_PARTIAL, EXIT_CORRUPT, EXIT_UNEXPECTED = 2, 3, 4, 5
+
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the config, e.g. spp=16 or axes.H=[-0.4]."),
+]
+Device = Annotated[str, typer.Option(help="Where to render: cpu, or a GPU such as cuda:0.")]
+Memory = Annotated[
+    float, typer.Option(metavar="GIB", help="Most memory for the images that are rendered at once; changes no pixel.")
+]
+
+
+def fail(message: str, code: int) -> NoReturn:
+    """Ends the program with a line on stderr."""
+    typer.echo(f"error: {message}", err=True)
+    sys.exit(code)
+
+
+def warn(warnings: Sequence[str]) -> None:
+    """Prints a line on stderr for each."""
+    for warning in warnings:
+        typer.echo(f"warning: {warning}", err=True)
+
+
+def count_of(number: int, thing: str) -> str:
+    """``1 image``, ``2 images``."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
+def check_choice(option: str, value: str, accepted: Iterable[str]) -> None:
+    """Refuses what is not among the accepted.
+
+    Raises:
+        ConfigError: naming the option, the value and what is accepted.
+    """
+    if value not in list(accepted):
+        raise ConfigError(f"{option} {value}: accepted: {', '.join(accepted)}")
+
+
+def start_warp(device: str) -> None:
+    """Starts Warp without its banner and sees that the device is there."""
+    import warp as wp  # noqa: PLC0415
+
+    wp.config.log_level = wp.LOG_WARNING
+    from fgf_warp.renderer import check_device  # noqa: PLC0415
+
+    check_device(device)
+
+
+@contextmanager
+def progress_bar(*, counted: bool) -> Iterator[Progress]:
+    """A bar on stderr with rate and time left, and the count where it is worth reading."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.progress import (  # noqa: PLC0415
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        Task,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text  # noqa: PLC0415
+
+    class Rate(ProgressColumn):
+        def render(self, task: Task) -> Text:
+            return Text(f"{task.speed:,.3g}/s" if task.speed else "")
+
+    count = [MofNCompleteColumn()] if counted else []
+    columns = [TextColumn("{task.description}"), BarColumn(), *count, Rate(), TimeRemainingColumn()]
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        yield progress

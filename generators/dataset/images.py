@@ -1,0 +1,49 @@
+"""The images of a dataset's samples, wherever it lies."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from fgf_warp.errors import CorruptFileError
+from fgf_warp.output.exr import read_exr
+from generators.dataset import layout
+from generators.dataset.reader import Dataset
+
+
+def read_channels(dataset: Dataset, index: int) -> dict[str, np.ndarray]:
+    """The channels of a sample's EXR by name, each (height, width) float32.
+
+    Raises:
+        CorruptFileError: where it is missing or damaged.
+    """
+    name = f"{dataset.folders[index]}/{layout.RADIANCE}"
+    if dataset.store.folder:
+        return read_exr(dataset.store.folder / name)[0]
+    try:
+        content = dataset.store.read(name)
+    except FileNotFoundError as error:
+        raise CorruptFileError(f"{dataset.store.location}/{name}: is missing") from error
+    return decode_channels(content, f"{dataset.store.location}/{name}")
+
+
+def decode_channels(content: bytes, name: str) -> dict[str, np.ndarray]:
+    """The channels of an EXR's content, as `read_channels`.
+
+    Args:
+        content: of the file.
+        name: of the file, for the error.
+
+    Raises:
+        CorruptFileError: where it is damaged.
+    """
+    # OpenImageIO reads files by name alone.
+    with tempfile.NamedTemporaryFile(suffix=".exr") as file:
+        file.write(content)
+        file.flush()
+        try:
+            return read_exr(Path(file.name))[0]
+        except CorruptFileError as error:
+            raise CorruptFileError(f"{name}: is damaged or no EXR") from error

@@ -1,0 +1,1 @@
+"""What makes a dataset one that others can load: labels, card, metadata, contact sheet and exports."""
