@@ -17,6 +17,7 @@ from typer.core import TyperGroup
 
 from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError, OutputError
 from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
+from generators.commands import check
 from generators.commands.common import (
     EXIT_BAD_INPUT,
     EXIT_CORRUPT,
@@ -489,6 +490,11 @@ def stability(
     typer.echo(f"report  {report}")
     if outcome.outside_count:
         raise typer.Exit(EXIT_PARTIAL)
+
+
+app.command()(check.verify)
+app.command()(check.status)
+app.command()(check.report)
 
 
 def main() -> None:
