@@ -33,6 +33,7 @@ from generators.commands.common import (
     start_warp,
     warn,
 )
+from generators.commands.export import export
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -186,7 +187,7 @@ def render(
     """  # noqa: D301
     from fgf_warp.output.atomic import check_writable  # noqa: PLC0415
     from generators.stage import load_scene  # noqa: PLC0415
-    from usd_scenes.reader import COMPLEXITIES, stages_kept_open  # noqa: PLC0415
+    from usd_scenes.reader import COMPLEXITIES, OpenStages  # noqa: PLC0415
 
     aovs = _choose_aovs(aov)
     check_choice("--preset", preset, PRESETS)
@@ -224,7 +225,7 @@ def render(
         warned.update(base.warnings)
         return base.scene, settings
 
-    with stages_kept_open():
+    with OpenStages():
         if explain:
             from fgf_warp.features import explain as explain_kernel  # noqa: PLC0415
 
@@ -492,6 +493,7 @@ def stability(
         raise typer.Exit(EXIT_PARTIAL)
 
 
+app.command()(export)
 app.command()(check.verify)
 app.command()(check.status)
 app.command()(check.report)

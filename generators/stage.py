@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from fgf_warp.errors import ConfigError, SceneError
 from fgf_warp.scene import Camera, Scene
 from fgf_warp.settings import Aov
+
+if TYPE_CHECKING:
+    from usd_scenes.reader import Edits
 
 DEFAULT_WIDTH = 960
 """[pixel], of a stage without a resolution; as of usdrecord."""
@@ -41,6 +44,7 @@ class BaseScene:
         height: of its images [pixel].
         warnings: what was left out of the stage or is unusual in it.
         aovs: the planes that the stage asks for; None where it does not say.
+        up_axis: ``Y`` or ``Z``.
     """
 
     scene: Scene
@@ -48,6 +52,7 @@ class BaseScene:
     height: int
     warnings: tuple[str, ...]
     aovs: frozenset[Aov] | None = None
+    up_axis: str = "Y"
 
 
 def load_scene(
@@ -60,6 +65,7 @@ def load_scene(
     strict: bool = False,
     render_settings: str | None = None,
     product: str | None = None,
+    edits: Edits | None = None,
     width: int | None = None,
     height: int | None = None,
 ) -> BaseScene:
@@ -75,6 +81,7 @@ def load_scene(
         strict: True where what is missing is an error instead of a warning.
         render_settings: prim path; None takes those that the stage names, else the first.
         product: prim path of the RenderProduct; None takes the settings' first.
+        edits: values in place of the stage's, see `usd_scenes.reader.Edits`.
         width: [pixel]; see `image_size`.
         height: [pixel].
 
@@ -94,12 +101,13 @@ def load_scene(
         strict=strict,
         render_settings=render_settings,
         product=product,
+        edits=edits,
     )
     size = image_size(reading.scene.camera, reading.resolution, width, height)
     aovs, unknown = (None, []) if reading.sources is None else planes_of(reading.sources)
     accepted = ", ".join(["color", *Aov])
     warnings = [f"render var of sourceName {name} is not known and left out; accepted: {accepted}" for name in unknown]
-    return BaseScene(reading.scene, *size, (*reading.warnings, *warnings), aovs)
+    return BaseScene(reading.scene, *size, (*reading.warnings, *warnings), aovs, reading.up_axis)
 
 
 def check_stage(path: Path) -> None:

@@ -79,7 +79,7 @@ def _differences(record: Record, index: int, meta: PlanMeta, images: tuple[str, 
 
 
 def _unreached(record: Record, quality: Mapping[str, float]) -> Iterator[tuple[str, str]]:
-    """A render ends at the samples per pixel that were planned, unless an error or a time was a reason to end before."""
+    """A render ends at the samples per pixel that were planned, unless an error or a time ended it before."""
     most = quality.get("spp")
     if most is not None and record.spp > most:
         yield f"{record.spp} samples per pixel", f"at most {most:g}, as planned"

@@ -98,6 +98,22 @@ class Store:
             else:
                 self._fs.pipe_file(self._path(name), content)
 
+    def upload(self, folder: Path) -> None:
+        """Writes all files of a folder on this machine; those that are there already are removed should one fail.
+
+        Raises:
+            OutputError: where one cannot be written.
+        """
+        names = [path.name for path in sorted(folder.iterdir())]
+        try:
+            for name in names:
+                with self._writing(name):
+                    self._fs.put_file(str(folder / name), self._path(name))
+        except BaseException:
+            for name in names:
+                self.remove(name)
+            raise
+
     def commit(self, folder: str, files: dict[str, bytes]) -> bool:
         """Makes a sample visible, whole.
 

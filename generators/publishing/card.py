@@ -246,13 +246,13 @@ pixels = image.read_image("float")
 names = image.spec().channelnames  # in any order: {{ channels }}
 ```
 
-Shards for training over a network, after `fgf export webdataset . --out shards`:
+Shards for training over a network, after `fgf export webdataset . --out ../shards`:
 
 ```python
 import glob
 import webdataset as wds
 
-shards = sorted(glob.glob("shards/{{ patterns | first or "train" }}-*.tar"))
+shards = sorted(glob.glob("../shards/{{ patterns | first or "train" }}-*.tar"))
 samples = wds.WebDataset(shards, shardshuffle=False).decode("pil").to_tuple("png", "json")
 ```
 

@@ -39,6 +39,15 @@ PLANNED: dict[str, tuple[str, str]] = {
     "transport": ("what paths remember between flights: reciprocal, mixed or renewal", ""),
     "line_variance": ("of fractional Brownian motion: asymptotic or exact", ""),
     "phase_function": ("isotropic, hg, two_lobe or draine", ""),
+    "back_asymmetry": ("mean cosine of the second lobe, of two_lobe", ""),
+    "back_weight": ("share of the second lobe, of two_lobe", ""),
+    "draine_alpha": ("alpha of the phase function, of draine", ""),
+    "frame": ("time code at which the stage is read", ""),
+    "camera": ("prim path of the camera", ""),
+    "scene": ("file of the stage", ""),
+    "azimuth": ("of the camera on its orbit", "degree"),
+    "elevation": ("of the camera above the plane of its orbit", "degree"),
+    "distance": ("of the camera from the centre of its orbit", "unit"),
 }
 """Meaning and unit of the columns of the plan that are the same in every dataset."""
 
@@ -77,7 +86,9 @@ RESULTS = (
     Column(PNG, pa.string(), "path of the view, sRGB, 8 bit; null where none was asked for"),
 )
 """What is known of a sample after its render, beside statistics and targets."""
-RESERVED = frozenset({*(column.name for column in RESULTS), *STATISTICS, *TARGETS, "file_name", "image", "label"})
+RESERVED = frozenset(
+    {*(column.name for column in RESULTS), *STATISTICS, *TARGETS, "file_name", "image", "label", "radiance", "alpha"}
+)
 """Names that no axis can have: the columns of every dataset, and those that loaders make."""
 
 

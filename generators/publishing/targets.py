@@ -21,7 +21,8 @@ def compute_targets(row: Mapping[str, Any], targets: Mapping[str, Any]) -> dict[
 
     Args:
         row: of the plan, with the labels of the swept medium.
-        targets: that are asked for: ``transmittance`` with its lengths [unit] as ``t``, and ``mean_free_path``.
+        targets: that are asked for, as in `PlanMeta`: ``transmittance`` at a list of lengths [unit], and
+            ``mean_free_path``.
 
     Returns:
         Numbers, lists of numbers, or None, by the names of `TARGETS`.
@@ -29,7 +30,7 @@ def compute_targets(row: Mapping[str, Any], targets: Mapping[str, Any]) -> dict[
     Raises:
         ConfigError: for a length that is not finite and >= 0, or beyond where the law ends.
     """
-    curve = targets.get(TRANSMITTANCE)
+    lengths = targets.get(TRANSMITTANCE)
     law = evaluate_law(
         hurst=row["H"],
         white_noise_scale=None,
@@ -37,7 +38,7 @@ def compute_targets(row: Mapping[str, Any], targets: Mapping[str, Any]) -> dict[
         outer_scale=row["L"],
         kappa=row["kappa"],
         line_variance=row["line_variance"],
-        lengths=curve["t"] if curve else None,
+        lengths=lengths,
     )
-    found = {TRANSMITTANCE: law["transmittance"], "transmittance_t": law["t"]} if curve else {}
+    found = {TRANSMITTANCE: law["transmittance"], "transmittance_t": law["t"]} if lengths else {}
     return {**found, MEAN_FREE_PATH: law["mean_free_path"]} if MEAN_FREE_PATH in targets else found

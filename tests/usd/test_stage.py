@@ -16,7 +16,7 @@ from fgf_warp.scene import count_open_edges
 from tests.usd.conftest import write
 from tests.usd.prims import CAMERA, HEADER
 from usd_scenes.library import STAGES, stage_names, stage_path, trefoil_tube
-from usd_scenes.reader import read_scene, read_stage, stages_kept_open
+from usd_scenes.reader import OpenStages, read_scene, read_stage
 from usd_scenes.reader.bounds import scene_bounds
 from usd_scenes.reader.triangulation import cut_faces, signed_volume
 
@@ -128,7 +128,7 @@ def test_samples_are_read_at_the_start_the_earliest_or_the_frame(read) -> None:
 
 def test_stages_can_be_kept_open_between_frames(tmp_path: Path) -> None:
     path = write(tmp_path, HEADER + 'def Sphere "S"\n{\n double radius.timeSamples = { 1: 1, 2: 2 }\n}')
-    with stages_kept_open():
+    with OpenStages():
         radii = [read_scene(path, frame=frame).scene.shapes[0].object_to_world[0, 0] for frame in (1, 2)]
         assert Sdf.Layer.Find(str(path))
     assert radii == [1, 2]

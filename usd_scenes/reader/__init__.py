@@ -1,27 +1,32 @@
 """Reads a USD stage into a `fgf_warp.scene.Scene`; reading is validation."""
 
+from usd_scenes.reader.camera import look_at
+from usd_scenes.reader.edits import EditError, Edits
 from usd_scenes.reader.settings import Product
 from usd_scenes.reader.stage import (
     COMPLEXITIES,
     Frame,
+    OpenStages,
     StageReading,
     StageSurvey,
     read_products,
     read_scene,
     read_stage,
-    stages_kept_open,
     survey_stage,
 )
 
 __all__ = [
     "COMPLEXITIES",
+    "EditError",
+    "Edits",
     "Frame",
+    "OpenStages",
     "Product",
     "StageReading",
     "StageSurvey",
+    "look_at",
     "read_products",
     "read_scene",
     "read_stage",
-    "stages_kept_open",
     "survey_stage",
 ]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -22,6 +21,7 @@ from usd_scenes.reader.diagnostics import (
     refuse_composition_errors,
     usd_errors_as_scene_errors,
 )
+from usd_scenes.reader.edits import Edits, edited
 from usd_scenes.reader.lights import DEFAULT_DOME, default_lights, emitting_meshes, is_light, read_light
 from usd_scenes.reader.links import link_lights
 from usd_scenes.reader.materials import MaterialReader
@@ -52,12 +52,14 @@ class StageReading:
         warnings: what of the stage is not rendered as it is written, one text each.
         sources: what the stage wants in the image's planes, the sourceName of each RenderVar; None where it does not
             say.
+        up_axis: ``Y`` or ``Z``.
     """
 
     scene: Scene
     resolution: tuple[int, int] | None
     warnings: tuple[str, ...]
     sources: tuple[str, ...] | None = None
+    up_axis: str = "Y"
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,7 @@ def read_scene(
     strict: bool = False,
     render_settings: str | None = None,
     product: str | None = None,
+    edits: Edits | None = None,
 ) -> StageReading:
     """Reads a USD file, and so validates it.
 
@@ -117,15 +120,19 @@ def read_scene(
         strict: True where what is missing, such as a texture's file, is an error instead of a warning.
         render_settings: path of the RenderSettings; None takes those that the stage's metadata name, else the first.
         product: path of the RenderProduct that is meant; None takes the settings' first.
+        edits: values in place of the file's.
 
     Raises:
+        EditError: for an edit of what is not there, or of a value that it does not take.
         SceneError: naming file, prim, attribute, the value found and what is accepted.
         UnsupportedFeatureError: for what cannot be rendered and cannot be left out.
     """
     choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product)
     schema.register()
     with usd_errors_as_scene_errors(str(path)) as trap:
-        return _read(open_stage(Path(path)), str(path), choices, trap)
+        stage = open_stage(Path(path))
+        with edited(stage, edits or {}, _time_code(stage, frame)):
+            return _read(stage, str(path), choices, trap)
 
 
 def read_stage(
@@ -168,11 +175,19 @@ def read_products(
         return read_settings(context, render_settings).products
 
 
-@contextmanager
-def stages_kept_open() -> Iterator[None]:
-    """Within it a file that is read again, as for another frame, is not opened again."""
-    with Usd.StageCacheContext(Usd.StageCache()):
-        yield
+class OpenStages:
+    """Within it, as a context, a file that is read again, as for another frame, is not opened again."""
+
+    def __init__(self) -> None:
+        self._cache = Usd.StageCache()
+        self._contexts: list[Usd.StageCacheContext] = []
+
+    def __enter__(self) -> None:
+        self._contexts.append(Usd.StageCacheContext(self._cache))
+        self._contexts[-1].__enter__()
+
+    def __exit__(self, *raised: object) -> None:
+        self._contexts.pop().__exit__(*raised)
 
 
 def survey_stage(stage: Usd.Stage) -> StageSurvey:
@@ -242,7 +257,7 @@ def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticT
     )
     _note_law_warnings(context, scene)
     note_warnings(trap, context.notes)
-    return StageReading(scene, product.resolution, context.notes.texts(), product.sources)
+    return StageReading(scene, product.resolution, context.notes.texts(), product.sources, context.up_axis)
 
 
 def _read_prims(context: StageContext, materials: MaterialReader) -> tuple[list[Shape], list[Light]]:

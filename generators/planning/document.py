@@ -1,0 +1,238 @@
+"""The YAML file of a config: read, overridden, validated, with errors that say where and what to write instead."""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import io
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from fgf_warp.errors import ConfigError
+from generators.planning.axes import AXIS_FORMS, AxisConfig, GridConfig
+from generators.planning.config import (
+    ImageConfig,
+    OrbitConfig,
+    QualityConfig,
+    SplitsConfig,
+    SweepConfig,
+    TargetsConfig,
+)
+
+Keys = tuple[int | str, ...]
+"""Where a value is in a document."""
+
+MODELS: dict[Keys, type[BaseModel]] = {
+    (): SweepConfig,
+    ("image",): ImageConfig,
+    ("orbit",): OrbitConfig,
+    ("quality",): QualityConfig,
+    ("splits",): SplitsConfig,
+    ("targets",): TargetsConfig,
+    ("targets", "transmittance"): GridConfig,
+}
+"""What may have which keys; all else is an axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedConfig:
+    """A config with the document it came from.
+
+    Args:
+        config: as validated.
+        path: the file.
+        document: the YAML in force, overrides applied, comments kept.
+        overridden: the overrides, by the keys of what they set.
+    """
+
+    config: SweepConfig
+    path: Path
+    document: CommentedMap
+    overridden: Mapping[Keys, str] = field(default_factory=dict)
+
+    def file(self, name: str) -> Path:
+        """A file that the config names, found from its own folder."""
+        return self.path.parent / name
+
+    def error(self, keys: Keys, text: str) -> ConfigError:
+        """What is wrong with a value.
+
+        Args:
+            keys: where it is; the last of them need not be in the document.
+            text: what is wrong.
+        """
+        there = _keys_in(self.document, keys)
+        return ConfigError(f"{_origin(there, self.path, self.document, self.overridden)}: {_joined(keys)}: {text}")
+
+    def text_for(self, folder: Path | None) -> str:
+        """The config in force, so that it works from another folder.
+
+        Args:
+            folder: where it is to be written; None where that is no folder of this machine, and names of stages stay
+                as they are.
+        """
+        document = copy.deepcopy(self.document)
+        if folder is not None:
+            if "scene" in document:
+                document["scene"] = self._seen_from(folder, document["scene"])
+            for axis in self.scene_axes:
+                listed = document["axes"][axis]
+                names = listed if isinstance(listed, CommentedSeq) else listed["values"]
+                names[:] = [self._seen_from(folder, name) for name in names]
+        text = io.StringIO()
+        YAML().dump(document, text)
+        return text.getvalue()
+
+    @property
+    def scene_axes(self) -> tuple[str, ...]:
+        """Keys of the axes whose values are stages."""
+        return tuple(key for key, axis in self.config.axes.items() if (axis.target or key) == "scene")
+
+    def _seen_from(self, folder: Path, name: str) -> str:
+        return Path(os.path.relpath(self.file(name), folder)).as_posix()
+
+
+def load_config(path: Path, overrides: Sequence[str] = ()) -> LoadedConfig:
+    """Reads and validates a config.
+
+    Args:
+        path: the YAML file.
+        overrides: each ``key.key=value``, the value in YAML; they take the place of what the file says.
+
+    Raises:
+        ConfigError: in one line: file, line and key (or the override), what was found, what is accepted.
+    """
+    document = _read_document(path)
+    overridden: dict[Keys, str] = {}
+    for override in overrides:
+        overridden[_apply_override(document, override)] = override
+    try:
+        config = SweepConfig.model_validate(_plain(document))
+    except ValidationError as error:
+        raise ConfigError(_explain(error.errors()[0], path, document, overridden)) from error
+    return LoadedConfig(config, path, document, overridden)
+
+
+def nearest(found: str, names: Iterable[str]) -> str:
+    """``did you mean NAME? `` where one is near, else nothing."""
+    listed = list(names)
+    by_case = [name for name in listed if name.lower() == found.lower()]
+    near = by_case or difflib.get_close_matches(found, listed, n=1, cutoff=0.5)
+    return f"did you mean {near[0]}? " if near else ""
+
+
+def shown(value: Any) -> str:
+    """A value for a message, cut where it is long."""
+    text = "nothing" if value is None else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _read_document(path: Path) -> CommentedMap:
+    try:
+        document = YAML().load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: is not a text file in UTF-8") from error
+    except MarkedYAMLError as error:
+        line = f":{error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise ConfigError(f"{path}{line}: not valid YAML: {error.problem}") from error
+    except YAMLError as error:
+        raise ConfigError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(document, CommentedMap):
+        keys = ", ".join(SweepConfig.model_fields)
+        raise ConfigError(f"{path}: found {shown(document)}; accepted: a mapping with the keys {keys}")
+    return document
+
+
+def _apply_override(document: CommentedMap, override: str) -> Keys:
+    """Sets the value in the document; returns its key path."""
+    dotted, separator, text = override.partition("=")
+    keys = tuple(dotted.strip().split("."))
+    if not separator or not all(keys):
+        raise ConfigError(f"--set {override}: accepted: KEY=VALUE, with dots between nested keys")
+    try:
+        value = YAML().load(text)
+    except YAMLError as error:
+        raise ConfigError(f"--set {override}: the value is not valid YAML") from error
+    node = document
+    for depth, key in enumerate(keys[:-1], start=1):
+        node = node.setdefault(key, CommentedMap())
+        if not isinstance(node, CommentedMap):
+            raise ConfigError(f"--set {override}: {'.'.join(keys[:depth])} is {shown(node)}, which has no keys")
+    node[keys[-1]] = value
+    return keys
+
+
+def _plain(node: Any) -> Any:
+    """The document as plain dicts, lists and scalars, which is what pydantic is strict about."""
+    if isinstance(node, CommentedMap):
+        return {key: _plain(value) for key, value in node.items()}
+    if isinstance(node, CommentedSeq):
+        return [_plain(item) for item in node]
+    for scalar in (bool, int, float, str):
+        if isinstance(node, scalar):
+            return scalar(node)
+    return node
+
+
+def _explain(error: ErrorDetails, path: Path, document: CommentedMap, overridden: Mapping[Keys, str]) -> str:
+    """One line that says where, what was found, and what is accepted."""
+    keys = _keys_in(document, error["loc"])
+    where = f"{_origin(keys, path, document, overridden)}: {_dotted(error['loc'], keys)}"
+    if error["type"] == "extra_forbidden":
+        names = tuple(MODELS.get(keys[:-1], AxisConfig).model_fields)
+        return f"{where}: unknown key; {nearest(str(keys[-1]), names)}accepted: {', '.join(names)}"
+    if error["type"] == "missing" and isinstance(error["loc"][-1], str):
+        return f"{where}: this key is missing"
+    accepted = error["msg"].removeprefix("Input should be ")
+    if error["type"] == "missing":
+        accepted = "one item more"
+    return f"{where}: found {shown(error['input'])}; accepted: {accepted}"
+
+
+def _keys_in(document: CommentedMap, location: Sequence[int | str]) -> Keys:
+    """The part of a location that the document has; of pydantic's, the rest names alternatives inside the models."""
+    found: list[int | str] = []
+    node: Any = document
+    for key in location:
+        if (isinstance(node, CommentedMap) and key in node) or (
+            isinstance(node, CommentedSeq) and isinstance(key, int) and key < len(node)
+        ):
+            found.append(key)
+            node = node[key]
+    return tuple(found)
+
+
+def _dotted(location: Sequence[int | str], keys: Keys) -> str:
+    """The location as a user would write it."""
+    if location[-1] not in keys and isinstance(location[-1], str) and location[-1] not in (*AXIS_FORMS, "[key]"):
+        return _joined((*keys, location[-1]))
+    return _joined(keys)
+
+
+def _joined(keys: Keys) -> str:
+    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys).removeprefix(".")
+
+
+def _origin(keys: Keys, path: Path, document: CommentedMap, overridden: Mapping[Keys, str]) -> str:
+    for override_keys, override in overridden.items():
+        if keys[: len(override_keys)] == override_keys:
+            return f"--set {override}"
+    node: Any = document
+    line = 0
+    for key in keys:
+        if not hasattr(node, "lc") or node.lc.data is None or key not in node.lc.data:
+            break  # Set by an override, beside what the file has.
+        line = (node.lc.item(key) if isinstance(key, int) else node.lc.key(key))[0]
+        node = node[key]
+    return f"{path}:{line + 1}" if keys else str(path)

@@ -1,0 +1,166 @@
+"""Where the samples lie along the axes, and what is random in them: the same on every machine.
+
+The combinations of the axes' values, times the draws, are numbered in order: that is a sample's *position*. Where
+constraints leave positions out, the samples that remain are numbered anew: that is a sample's *index*.
+
+Seeds. With ``S = numpy.random.SeedSequence(dataset_seed, spawn_key=key)``, a sample's seed is the first 64-bit word of
+S at ``key = (index,)``; the value of a random axis is the axis's quantile at the first 53 bits of S at
+``key = (position, *ascii codes of the axis's name)``. So a sample depends on the dataset's seed, its number and the
+axis's name alone: neither on the order of rendering nor on what other axes there are.
+
+Designs. A Latin hypercube and a scrambled Sobol sequence fill the ranges of all drawn axes at once, more evenly than
+independent draws. Their points depend on the dataset's seed and on how many drawn axes there are, in which order, and
+a Latin hypercube on how many samples as well: each of the n samples is alone in its n-th part of every axis.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from fgf_warp.errors import ConfigError
+from generators.dataset.layout import SPLITS
+from generators.planning.config import SplitsConfig
+from generators.planning.document import LoadedConfig
+from generators.planning.resolve import Axis, Sweep
+
+Parameters = dict[str, float | str]
+"""Values of the axes, in their order, by column."""
+
+SAMPLES_MAX = 1_000_000
+"""As many as names of six digits number."""
+DESIGN_KEY = 2**31
+"""Before the key of a design's randomness: far above all numbers of samples."""
+
+
+def sample_seed(dataset_seed: int, index: int) -> int:
+    """Seed of a sample, in [0, 2^64); the module says how."""
+    return _word(dataset_seed, index)
+
+
+def position_count(sweep: Sweep, draws: int) -> int:
+    """Number of combinations, times the draws."""
+    return math.prod(len(factor[0].values or ()) for factor in sweep.factors) * draws
+
+
+def sample_parameters(loaded: LoadedConfig, sweep: Sweep) -> list[Parameters]:
+    """The parameters of every sample, by index.
+
+    Raises:
+        ConfigError: for too many samples, a constraint that none meets, or an expression without a value.
+    """
+    config = loaded.config
+    count = position_count(sweep, config.draws)
+    if count > SAMPLES_MAX:
+        raise ConfigError(f"{loaded.path}: {count} samples; accepted: at most {SAMPLES_MAX}")
+    quantile = _quantiles(loaded, sweep, count)
+    found = []
+    for position, on_grid in enumerate(_cells(sweep, config.draws)):
+        values = dict(on_grid)
+        for column, axis in enumerate(sweep.drawn):
+            values[axis.name] = axis.config.value_at(quantile(position, column))
+        try:
+            for axis in sweep.dependent:
+                assert axis.expression is not None
+                values[axis.name] = axis.expression.number(values)
+            if all(constraint.holds(values) for constraint in sweep.constraints):
+                found.append({axis.name: values[axis.name] for axis in sweep.axes})
+        except ConfigError as error:
+            raise ConfigError(f"{loaded.path}: with {described(values)}: {error}") from error
+    if not found:
+        raise loaded.error(("constraints",), f"none of {count} samples meets them")
+    return found
+
+
+def described(parameters: Parameters) -> str:
+    """Values of a sample for a message."""
+    return ", ".join(
+        f"{name} = {value if isinstance(value, str) else format(value, '.6g')}" for name, value in parameters.items()
+    )
+
+
+def assign_splits(splits: SplitsConfig | None, seed: int, samples: Sequence[Parameters]) -> list[str]:
+    """The split of every sample, by index.
+
+    Groups of samples that agree in the axes ``by`` are put in the order of a hash of their values and the seed, and
+    that row is cut by the shares.
+
+    Args:
+        splits: the shares; None puts all into the first split.
+        seed: of the dataset.
+        samples: their parameters.
+
+    Raises:
+        ConfigError: where there are too few groups for a split to have one.
+    """
+    if splits is None:
+        return [SPLITS[0]] * len(samples)
+    groups = [
+        tuple(parameters[name] for name in splits.by) if splits.by else (index,)
+        for index, parameters in enumerate(samples)
+    ]
+    row = sorted(set(groups), key=lambda group: hashlib.sha256(json.dumps([seed, *group]).encode()).digest())
+    counts = _apportioned(splits.shares, len(row))
+    for split, share in splits.shares.items():
+        if share and not counts[split]:
+            named = f"groups of equal {', '.join(splits.by)}" if splits.by else "samples"
+            raise ConfigError(f"{len(row)} {named} leave {split} without any; accepted: more, or a larger share")
+    splits_in_row = itertools.chain.from_iterable(itertools.repeat(split, counts[split]) for split in counts)
+    split_of = dict(zip(row, splits_in_row, strict=True))
+    return [split_of[group] for group in groups]
+
+
+def _apportioned(shares: dict[str, float], total: int) -> dict[str, int]:
+    """Whole numbers that add up to the total, by largest remainders."""
+    counts = {split: math.floor(share * total) for split, share in shares.items()}
+    by_remainder = sorted(shares, key=lambda split: counts[split] - shares[split] * total)
+    for split in by_remainder[: total - sum(counts.values())]:
+        counts[split] += 1
+    return counts
+
+
+def _cells(sweep: Sweep, draws: int) -> Iterator[Parameters]:
+    """What the axes on the grid have at each position."""
+    steps = [_steps(factor) for factor in sweep.factors]
+    for chosen in itertools.product(*steps):
+        cell: Parameters = {}
+        for step in chosen:
+            cell |= step
+        yield from itertools.repeat(cell, draws)
+
+
+def _steps(factor: Sequence[Axis]) -> list[Parameters]:
+    """What axes that advance together have at each step."""
+    names = [axis.name for axis in factor]
+    rows = zip(*(axis.values or () for axis in factor), strict=True)
+    return [dict(zip(names, row, strict=True)) for row in rows]
+
+
+def _quantiles(loaded: LoadedConfig, sweep: Sweep, count: int) -> Callable[[int, int], float]:
+    """The quantile, in [0, 1), at a position and for the drawn axis of a number."""
+    seed, design = loaded.config.seed, loaded.config.design
+    if design == "random":
+        return lambda position, column: _quantile(seed, position, sweep.drawn[column].name)
+    from scipy.stats import qmc  # noqa: PLC0415 - slow to import
+
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(DESIGN_KEY, *design.encode("ascii"))))
+    make = qmc.Sobol if design == "sobol" else qmc.LatinHypercube
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # The plan itself warns of counts that are no powers of 2.
+        points = make(len(sweep.drawn), rng=generator).random(count)
+    return lambda position, column: float(points[position, column])
+
+
+def _quantile(dataset_seed: int, position: int, axis: str) -> float:
+    """In [0, 1), by the first 53 bits: as many as a double holds."""
+    return (_word(dataset_seed, position, *axis.encode("ascii")) >> 11) * 2.0**-53
+
+
+def _word(dataset_seed: int, *key: int) -> int:
+    return int(np.random.SeedSequence(dataset_seed, spawn_key=key).generate_state(1, np.uint64)[0])
