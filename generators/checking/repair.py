@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from fgf_warp.errors import ConfigError
 from generators.checking.findings import Finding, Kind, Verification
 from generators.checking.published import read_labels
+from generators.checking.verify import verify_dataset
 from generators.dataset import layout
 from generators.dataset.plan_table import INDEX
 from generators.dataset.reader import Dataset
@@ -83,10 +84,12 @@ def repair_dataset(location: str, found: Verification) -> Repaired:
     if any(finding.name == layout.PLAN for finding in found.of(Kind.DAMAGED)):
         restore_plan(location)
         done.append(f"made {layout.PLAN} anew")
+        found = verify_dataset(Dataset(location))
     dataset = Dataset(location)
-    for leftover in found.of(Kind.LEFTOVER):
-        dataset.store.remove(leftover.name)
-        done.append(f"removed {leftover.name}")
+    notes = [finding for finding in found.of(Kind.DAMAGED) if finding.name.startswith(layout.FAILURES)]
+    for useless in [*found.of(Kind.LEFTOVER), *notes]:
+        dataset.store.remove(useless.name)
+        done.append(f"removed {useless.name}")
     damaged = found.damaged_samples()
     if damaged:
         for index, error in _render(dataset, damaged, found.findings):

@@ -99,6 +99,7 @@ def read_note(dataset: Dataset, name: str, decode: Callable[[bytes, str], Note])
         return content
     try:
         note = decode(content, name)
+        # Its hash does not see blanks.
         return note if encode(note) == content else "is not as it was written"
     except (CorruptFileError, ValueError, TypeError):
         return "is damaged"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from fnmatch import fnmatch
 
@@ -12,11 +12,12 @@ from fgf_warp.output.atomic import PARTIAL_GLOB
 from generators.checking.findings import Finding, Kind, Verification, name_ranges
 from generators.checking.images import check_images
 from generators.checking.published import Samples, check_published
-from generators.checking.samples import check_sample
+from generators.checking.samples import READABLE, check_sample
 from generators.checking.spread import check_spread
 from generators.dataset import layout
-from generators.dataset.plan_table import SPLIT
+from generators.dataset.plan_table import INDEX, SPLIT
 from generators.dataset.reader import Dataset
+from generators.dataset.record import Failure
 from generators.dataset.store import Store
 
 WORKERS = 8
@@ -37,10 +38,13 @@ def check_plan(location: str) -> Finding | None:
     if not store.exists(layout.PLAN) and (store.exists(layout.CONFIG) and store.sizes(layout.DATA)):
         return Finding(Kind.DAMAGED, layout.PLAN, "missing", "there, as in every dataset")
     try:
-        Dataset(location)
-    except CorruptFileError:
-        return Finding(Kind.DAMAGED, layout.PLAN, "is damaged", "a table that can be read")
-    return None
+        plan = Dataset(location).plan
+        is_plan = plan[INDEX].to_pylist() == list(range(plan.num_rows)) and {*plan[SPLIT].to_pylist()} <= {
+            *layout.SPLITS
+        }
+    except (CorruptFileError, KeyError):
+        is_plan = False
+    return None if is_plan else Finding(Kind.DAMAGED, layout.PLAN, "is damaged", "the table of a plan")
 
 
 def verify_dataset(dataset: Dataset, *, deep: bool = False, progress: Progress | None = None) -> Verification:
@@ -68,14 +72,19 @@ def verify_dataset(dataset: Dataset, *, deep: bool = False, progress: Progress |
             if progress:
                 progress(done, len(there))
     damaged = {finding.sample for finding in of_samples if finding.kind is Kind.DAMAGED}
-    samples = Samples(frozenset(complete), frozenset(complete) - damaged)
-    findings = [
-        *check_published(dataset, sizes, samples),
-        *_surplus(dataset, sizes),
-        *_unfinished(dataset, set(there)),
-        *check_spread(dataset, sorted(set(dataset.failures()) - set(complete))),
-        *of_samples,
-    ]
+    samples = Samples(frozenset(there), frozenset(complete), frozenset(complete) - damaged)
+    failures = _failures(dataset)
+    if isinstance(failures, Finding):
+        findings = [failures, *_surplus(dataset, sizes), *of_samples]
+    else:
+        failed = {index: failure for index, failure in failures.items() if index not in samples.there}
+        findings = [
+            *check_published(dataset, sizes, samples),
+            *_surplus(dataset, sizes),
+            *_unfinished(dataset, samples.there, failed),
+            *check_spread(dataset, sorted(failed)),
+            *of_samples,
+        ]
     return Verification(tuple(findings), len(dataset.folders), len(complete), len(sizes), sum(sizes.values()))
 
 
@@ -90,9 +99,17 @@ def _by_folder(dataset: Dataset, sizes: Mapping[str, int]) -> dict[str, dict[str
     return found
 
 
-def _unfinished(dataset: Dataset, there: set[int]) -> Iterator[Finding]:
+def _failures(dataset: Dataset) -> dict[int, Failure] | Finding:
+    """The notes on failures, or the first that is damaged; no labels can be compared then."""
+    try:
+        return dataset.failures()
+    except CorruptFileError as error:
+        name = str(error).removeprefix(f"{dataset.store.location}/").partition(":")[0]
+        return Finding(Kind.DAMAGED, name, "is damaged", READABLE)
+
+
+def _unfinished(dataset: Dataset, there: Collection[int], failures: Mapping[int, Failure]) -> Iterator[Finding]:
     """Samples that failed, each with its reason, and those that are missing, by split."""
-    failures = {index: failure for index, failure in dataset.failures().items() if index not in there}
     for index, failure in sorted(failures.items()):
         found = f"failed after {failure.attempts} attempts: {failure.reason}"
         yield Finding(Kind.INCOMPLETE, dataset.folders[index], found, "a sample", index)
