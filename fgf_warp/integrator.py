@@ -1472,11 +1472,13 @@ def build_program(features: RenderFeatures) -> Program:
         batch: SceneData,
         limits: Limits,
         film: Film,
+        images: wp.array(dtype=int),
         pixel_count: int,
         first_sample: int,
         sample_count: int,
     ):
-        image, pixel = wp.tid()
+        slot, pixel = wp.tid()
+        image = images[slot]
         scene = scene_of_image(batch, image)
         seed = scene.seeds[image]
         lone = lone_medium(scene)

@@ -8,8 +8,10 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,7 @@ from fgf_warp.bvh import load_builder
 from fgf_warp.errors import ConfigError, NumericalError
 from fgf_warp.features import required_features
 from fgf_warp.integrator import NOT_SEEN, Film, Program, build_program
+from fgf_warp.locks import hold
 from fgf_warp.result import RenderResult
 from fgf_warp.scene import Medium, Scene
 from fgf_warp.settings import GIB, PRIM_AOVS, SPLIT_AOVS, Aov, RenderSettings
@@ -55,6 +58,8 @@ DEVELOPING_BYTES = 128
 """Per pixel, while the image of a film is made: radiance and its variance, and float64 values on the way to planes."""
 PLANE_BYTES = 12
 """Per pixel of each further plane, at most: three channels of float32."""
+LOCK = "fgf-warp.lock"
+"""In the folder of the kernel cache."""
 
 _build_lock = threading.Lock()
 
@@ -125,7 +130,7 @@ def prepare(scene: Scene, settings: RenderSettings) -> Program:
         ConfigError: for a device that is not there.
     """
     check_device(settings.device)
-    with _build_lock:
+    with _build_lock, _kernel_cache():
         program = build_program(required_features(scene, settings))
         if program.features.meshes:
             load_builder()
@@ -135,6 +140,13 @@ def prepare(scene: Scene, settings: RenderSettings) -> Program:
         else:
             program.render_threads.module.load(wp.get_device(settings.device), BLOCK_DIM)
     return program
+
+
+def _kernel_cache() -> AbstractContextManager[None]:
+    """Keeps other processes from building into the same cache; what one has built, the next one finds."""
+    folder = Path(wp.config.kernel_cache_dir)
+    # Into one that cannot be written, such as that of an image of a container, nobody builds.
+    return hold(folder / LOCK, wait=True) if os.access(folder, os.W_OK) else nullcontext()
 
 
 def build_model(scene: Scene, settings: RenderSettings, variants: Sequence[Variant] | None = None) -> Model:
@@ -237,14 +249,30 @@ def step(model: Model, state: State, samples: int, progress: Progress | None = N
         pass
 
 
-def advance(model: Model, state: State, samples: int, progress: Progress | None = None) -> Iterator[int]:
+def advance(
+    model: Model,
+    state: State,
+    samples: int,
+    progress: Progress | None = None,
+    images: Sequence[int] | None = None,
+) -> Iterator[int]:
     """The same, image by image.
+
+    Args:
+        model: what to render.
+        state: so far.
+        samples: to add per pixel.
+        progress: called with the camera paths done and in all.
+        images: that get them, which all have as many so far; by default all images.
 
     Yields:
         The index of each image, in order, as soon as all its samples are there.
     """
+    chosen = range(len(model.variants)) if images is None else images
+    if not chosen:
+        return
     advance_on = _advance_cpu if model.settings.device == "cpu" else _advance_cuda
-    for image in advance_on(model, state, samples, progress):
+    for image in advance_on(model, state, chosen, samples, progress):
         state.samples[image] += samples
         yield image
 
@@ -372,13 +400,15 @@ class _Task:
     pixel_count: int
 
 
-def _advance_cpu(model: Model, state: State, samples: int, progress: Progress | None) -> Iterator[int]:
+def _advance_cpu(
+    model: Model, state: State, images: Sequence[int], samples: int, progress: Progress | None
+) -> Iterator[int]:
     """Threads pull tasks; a launch runs on the thread that asks for it and releases the GIL."""
     settings = model.settings
-    pixels, images = settings.width * settings.height, len(model.variants)
+    pixels = settings.width * settings.height
     threads = settings.threads or os.cpu_count() or 1
-    task_pixels = min(pixels, PIXELS_PER_TASK, max(-(-pixels * images // (TASKS_PER_THREAD * threads)), 1))
-    total, done, lock = pixels * images * samples, 0, threading.Lock()
+    task_pixels = min(pixels, PIXELS_PER_TASK, max(-(-pixels * len(images) // (TASKS_PER_THREAD * threads)), 1))
+    total, done, lock = pixels * len(images) * samples, 0, threading.Lock()
     stopped = threading.Event()
     own = threading.local()
 
@@ -419,9 +449,9 @@ def _advance_cpu(model: Model, state: State, samples: int, progress: Progress | 
                     pool.submit(run, _Task(image, first, min(task_pixels, pixels - first)))
                     for first in range(0, pixels, task_pixels)
                 ]
-                for image in range(images)
+                for image in images
             ]
-            for image, tasks in enumerate(running):
+            for image, tasks in zip(images, running, strict=True):
                 for task in tasks:
                     task.result()
                 yield image
@@ -431,27 +461,30 @@ def _advance_cpu(model: Model, state: State, samples: int, progress: Progress | 
             pool.shutdown(cancel_futures=True)
 
 
-def _advance_cuda(model: Model, state: State, samples: int, progress: Progress | None) -> Iterator[int]:
+def _advance_cuda(
+    model: Model, state: State, images: Sequence[int], samples: int, progress: Progress | None
+) -> Iterator[int]:
     """All images at once, some samples a launch."""
     settings = model.settings
-    pixels, images = settings.width * settings.height, len(model.variants)
-    at_once = max(1, PATHS_PER_CUDA_LAUNCH // (pixels * images))
+    pixels, chosen = settings.width * settings.height, np.array(images, dtype=np.int32)
+    on_device = wp.array(chosen, dtype=int, device=settings.device)
+    at_once = max(1, PATHS_PER_CUDA_LAUNCH // (pixels * len(images)))
     done = 0
     started = time.perf_counter()
-    for first_sample, sample_count in _rounds(int(state.samples[0]), samples, at_once):
+    for first_sample, sample_count in _rounds(int(state.samples[chosen[0]]), samples, at_once):
         wp.launch(
             model.program.render_threads,
-            dim=(images, pixels),
-            inputs=[*_inputs(model, state), pixels, first_sample, sample_count],
+            dim=(len(images), pixels),
+            inputs=[*_inputs(model, state), on_device, pixels, first_sample, sample_count],
             device=settings.device,
             block_dim=BLOCK_DIM,
         )
         wp.synchronize_device(settings.device)
-        done += pixels * images * sample_count
+        done += pixels * len(images) * sample_count
         if progress is not None:
-            progress(done, pixels * images * samples)
-    state.seconds += (time.perf_counter() - started) / images
-    yield from range(images)
+            progress(done, pixels * len(images) * samples)
+    state.seconds[chosen] += (time.perf_counter() - started) / len(images)
+    yield from images
 
 
 def _rounds(first: int, samples: int, at_once: int) -> Iterator[tuple[int, int]]:

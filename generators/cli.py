@@ -8,14 +8,13 @@ by the command that needs it.
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 from typer.core import TyperGroup
 
-from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError, OutputError
+from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError
 from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
 from generators.commands import check
 from generators.commands.common import (
@@ -34,6 +33,7 @@ from generators.commands.common import (
     warn,
 )
 from generators.commands.export import export
+from generators.commands.generate import generate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     from generators.config import LoadedConfig
     from generators.pictures import Picture
     from generators.plan import Plan
-    from generators.run import Report
     from usd_scenes.reader import Frame
 
 PLAN_ROWS = 20
@@ -246,56 +245,7 @@ def render(
                 fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
 
 
-@app.command()
-def generate(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="The dataset's YAML file.")],
-    overrides: Overrides = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder, in place of the config's.")] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            help="Threads that render, and as many that write files; default: the number of cores, 1 on a GPU.",
-        ),
-    ] = None,
-    device: Device = "cpu",
-    memory: Memory = RenderSettings.memory,
-) -> None:
-    """Make a dataset from a config.
-
-    It consists of images, their labels in index.parquet, and a contact sheet.
-
-    Stopped with Ctrl-C, the same command goes on where it was: finished samples are not rendered again. The images
-    do not depend on the number of workers, nor on the memory.
-
-    \b
-    Example:
-      fgf generate configs/quickstart.yaml --set spp=16 --out datasets/trial
-    """  # noqa: D301
-    from generators import run  # noqa: PLC0415
-
-    loaded, plan, warnings = _plan(config, overrides, device)
-    plan = replace(plan, settings=replace(plan.settings, memory=memory))
-    folder = out or Path(loaded.config.output or f"datasets/{loaded.config.name}")
-    start_warp(device)
-    warn(warnings)
-    with progress_bar(counted=True) as progress:
-
-        def show(done: float, total: int) -> None:
-            # The first call comes before the first image, while the kernel is built.
-            building = not progress.tasks
-            task = progress.add_task("", total=total) if building else progress.task_ids[0]
-            progress.update(task, description="building the kernel" if building else "rendering", completed=done)
-
-        try:
-            report = run.generate(plan, loaded, folder, workers=workers, progress=show)
-        except OutputError as error:
-            if not progress.tasks:
-                raise  # the folder itself is not accepted
-            fail(str(error), EXIT_PARTIAL)
-    _print_report(report, folder / run.CONTACT_SHEET, plan.settings.max_depth)
-    if not report.is_complete:
-        raise typer.Exit(EXIT_PARTIAL)
+app.command()(generate)
 
 
 @app.command()
@@ -593,27 +543,6 @@ def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
         )
     for file in files:
         typer.echo(f"wrote {file}")
-
-
-def _print_report(report: Report, contact_sheet: Path, max_depth: int) -> None:
-    for index, reason in report.failures:
-        typer.echo(f"error: sample {index}: {reason}", err=True)
-    rendered = report.finished - report.reused
-    reused = f", {report.reused} from earlier runs" if report.reused else ""
-    typer.echo(f"{rendered} of {report.total} samples rendered{reused}, in {report.seconds:.1f} s")
-    typer.echo(f"dataset        {report.folder}")
-    typer.echo(f"contact sheet  {contact_sheet}")
-    if report.truncated_paths:
-        share = report.truncated_samples / report.finished
-        warn(
-            [
-                f"{report.truncated_paths} paths in {report.truncated_samples} of {report.finished} samples "
-                f"({share:.2g} of all) were cut after {max_depth} scattering events, so their images are a little "
-                "too dark; the labels' column truncated says which, and a higher preset cuts later"
-            ]
-        )
-    if report.interrupted:
-        typer.echo(f"stopped at {report.finished} of {report.total}; the same command goes on from here", err=True)
 
 
 def _print_plan(made: Plan) -> None:

@@ -12,6 +12,7 @@ PACKAGES = ("fgf_warp", "usd_scenes", "generators")
 
 ALLOWED = {
     "fgf_warp.errors": (),
+    "fgf_warp.locks": ("fgf_warp.errors",),
     "fgf_warp.theory": (),
     "fgf_warp.scene": ("fgf_warp.errors", "fgf_warp.theory"),
     "fgf_warp.settings": ("fgf_warp.errors",),
@@ -53,6 +54,7 @@ ALLOWED = {
         "fgf_warp.errors",
         "fgf_warp.features",
         "fgf_warp.integrator",
+        "fgf_warp.locks",
         "fgf_warp.result",
         "fgf_warp.scene",
         "fgf_warp.settings",

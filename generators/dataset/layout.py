@@ -32,7 +32,6 @@ CONTACT_SHEET = "contact_sheet.png"
 REPORT = "report.html"
 DATA = "data"
 RUN = "run"
-EVENTS = "run/events.jsonl"
 FAILURES = "run/failures"
 
 RADIANCE = "radiance.exr"
@@ -57,6 +56,11 @@ def sample_folder(split: str, index: int) -> str:
 def split_metadata(split: str) -> str:
     """Path of the labels of a split's complete samples."""
     return f"{DATA}/{split}/metadata.parquet"
+
+
+def events(shard: str = "") -> str:
+    """Path of what happened in a run, as lines of JSON; of a shard with a suffix such as ``-0-of-4``."""
+    return f"{RUN}/events{shard}.jsonl"
 
 
 def failure(index: int) -> str:

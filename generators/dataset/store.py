@@ -5,16 +5,18 @@ from __future__ import annotations
 import os
 import shutil
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from fnmatch import fnmatch
 from pathlib import Path
 
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
+from fsspec.implementations.memory import MemoryFileSystem
 
 from fgf_warp.errors import OutputError
-from fgf_warp.output.atomic import write_bytes
+from fgf_warp.output.atomic import PARTIAL_GLOB, write_bytes
 from generators.dataset import layout
 
 READERS = 32
@@ -45,6 +47,11 @@ class Store:
     def folder(self) -> Path | None:
         """Of a dataset on this machine's file system."""
         return Path(self._root) if isinstance(self._fs, LocalFileSystem) else None
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether other processes see it."""
+        return not isinstance(self._fs, MemoryFileSystem)
 
     def exists(self, name: str) -> bool:
         """Whether there is such a file."""
@@ -83,6 +90,30 @@ class Store:
         folders = {path for path, entry in found.items() if entry["type"] == "directory" and path != self._root}
         holding = {path.rpartition("/")[0] for path in found}
         return sorted(path[len(self._root) + 1 :] for path in folders - holding)
+
+    def entries(self) -> list[str]:
+        """Names of files and folders at the top, without those that a killed run left half-written."""
+        self._fs.invalidate_cache()
+        found = self._fs.ls(self._root, detail=False) if self._fs.isdir(self._root) else []
+        names = [str(path).rstrip("/").rpartition("/")[2] for path in found]
+        return sorted(name for name in names if not fnmatch(name, PARTIAL_GLOB))
+
+    def sweep(self, samples: Collection[str]) -> None:
+        """Removes what killed runs left half-written of these samples, and of the files that are no sample's.
+
+        Args:
+            samples: their names.
+
+        Raises:
+            OutputError: where a leftover cannot be removed.
+        """
+        if not self.folder:
+            return
+        for parent in ("", f"{layout.DATA}/*/", f"{layout.RUN}/", f"{layout.FAILURES}/"):
+            for leftover in self.folder.glob(parent + PARTIAL_GLOB):
+                owner = leftover.name.split(".")[1]
+                if owner in samples or not owner.isdigit():
+                    self.remove(str(leftover.relative_to(self.folder)))
 
     def write(self, name: str, content: bytes) -> None:
         """Writes a file, in the place of an older one.

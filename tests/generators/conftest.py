@@ -81,9 +81,9 @@ def fake_renderer(monkeypatch):
         for _, images in groupby(variants, lambda variant: variant.media[0].line_law.kind):
             yield SimpleNamespace(scene=scene, settings=settings, variants=tuple(images))
 
-    def advance(model, state, samples, progress):
-        for image in range(len(model.variants)):
-            progress(samples * image, samples * len(model.variants))
+    def advance(model, state, samples, progress, images):
+        for done, image in enumerate(images):
+            progress(samples * done, samples * len(images))
             yield image
         progress(1, 1)
 

@@ -1,221 +1,370 @@
+"""Runs in one process; most of them without rendering."""
+
+import errno
 import json
 import os
 import signal
+import subprocess
 import threading
 import time
+import uuid
 import weakref
 from dataclasses import replace
 
-import pyarrow.parquet as pq
 import pytest
 
 import fgf_warp.renderer
-from fgf_warp.errors import ConfigError, CorruptFileError, NumericalError, OutputError
+from fgf_warp.errors import ConfigError, NumericalError, OutputError
 from fgf_warp.output.exr import read_exr
-from generators import lock, run
-from generators.config import load_config
-from generators.manifest import SCHEMA
-from generators.plan import build_plan
+from generators.dataset import layout, store
+from generators.dataset.reader import Dataset
+from generators.dataset.store import Store
+from generators.running import render
+from generators.running.messages import Chunk
+from generators.running.render import render_chunk
+from generators.running.run import Progress, Workers, generate, render_again
+from generators.running.shard import Shard, samples_of
+from tests.generators.small_plan import TEXT, content, labels, small_plan
 from tests.renders import made_up_render
-from tests.scenes import furnace
 
 
 @pytest.fixture
-def dataset(config_path, scene):
-    """The config and its plan of six samples."""
-    loaded = load_config(config_path)
-    return build_plan(loaded.config, scene, 12, 8), loaded
+def plan(tmp_path):
+    """Of six samples."""
+    return small_plan(tmp_path)
 
 
-def labels(folder):
-    return pq.read_table(folder / "index.parquet").drop_columns(["render_seconds"])
+@pytest.fixture
+def data(tmp_path):
+    return tmp_path / "data"
 
 
-def image_bytes(folder):
-    return {path.name: path.read_bytes() for path in (folder / "images").iterdir()}
+def events(location, suffix=""):
+    lines = Store(location).read(layout.events(suffix)).decode().splitlines()
+    return [json.loads(line) for line in lines]
 
 
-def test_folder_has_all_that_is_promised(tmp_path, dataset, fake_renderer):
-    plan, loaded = dataset
-    folder = tmp_path / "data"
-    report = run.generate(plan, loaded, folder)
-    assert report.is_complete
-    assert not report.interrupted
-    assert sorted(path.name for path in folder.iterdir()) == [
-        "config.yaml",
-        "contact_sheet.png",
-        "images",
-        "index.parquet",
-        "run",
-    ]
-    assert set(image_bytes(folder)) == {f"{i:06d}.{ending}" for i in range(6) for ending in ("exr", "png")}
-    assert len(list((folder / "run").glob("0*.json"))) == 6
-    assert sorted(fake_renderer) == sorted(sample.seed for sample in plan.samples)
-
-
-def test_labels_say_what_was_rendered(tmp_path, dataset, fake_renderer):
-    plan, loaded = dataset
-    run.generate(plan, loaded, tmp_path / "data")
-    table = pq.read_table(tmp_path / "data" / "index.parquet")
-    assert table.schema.remove_metadata().equals(SCHEMA)
-    for row, sample in zip(table.to_pylist(), plan.samples, strict=True):
-        medium = sample.medium
-        assert row["index"] == sample.index
-        assert (row["H"], row["g"], row["S_w"]) == tuple(sample.parameters[name] for name in ("H", "g", "S_w"))
-        assert (row["b"], row["kappa"], row["regime"]) == (
-            medium.line_law.b,
-            medium.line_law.kappa,
-            medium.line_law.regime,
-        )
-        assert (row["seed"], row["spp"], row["L"]) == (sample.seed, 4, None)
-        assert row["phase_function"] == medium.phase_function
-        assert row["render_seconds"] == 0.25
-        assert row["truncated"] == 0
-        channels, header = read_exr(tmp_path / "data" / row["exr"])
-        assert header["H"] == row["H"]
-        assert header["dataset"] == {
-            "name": "trial",
-            "plan": plan.digest,
-            "index": sample.index,
-            "swept": dict(sample.parameters),
-        }
-        assert "variance.R" in channels
-        assert (tmp_path / "data" / row["png"]).is_file()
-
-
-def test_labels_hold_the_extinction_in_force(tmp_path, config_path, fake_renderer):
-    loaded = load_config(config_path, ["axes={sigma_m: [4], S_w: [1]}"])
-    for color, expected in (((0.5,) * 3, 2.0), ((0.5, 1.0, 1.0), 4.0)):
-        plan = build_plan(loaded.config, furnace(extinction_color=color), 12, 8)
-        run.generate(plan, loaded, tmp_path / str(expected))
-        (row,) = labels(tmp_path / str(expected)).to_pylist()
-        # White noise: kappa = S_w / sigma_m.
-        assert (row["sigma_m"], row["kappa"]) == pytest.approx((expected, 1 / expected))
-
-
-def test_paths_that_were_cut_are_counted_in_this_run_and_the_next(tmp_path, dataset, fake_renderer, monkeypatch):
-    plan, loaded = dataset
-    render = fgf_warp.renderer.render
-    cut = {plan.samples[1].seed: 5, plan.samples[4].seed: 2}
-
-    def cut_some(scene, settings, progress=None):
-        return replace(render(scene, settings, progress), truncated_count=cut.get(settings.seed, 0))
-
-    monkeypatch.setattr(fgf_warp.renderer, "render", cut_some)
-    for _ in range(2):
-        report = run.generate(plan, loaded, tmp_path / "data")
-        assert (report.truncated_paths, report.truncated_samples) == (7, 2)
-        assert labels(tmp_path / "data")["truncated"].to_pylist() == [0, 5, 0, 0, 2, 0]
+def told(location, event, suffix=""):
+    return [line for line in events(location, suffix) if line["event"] == event]
 
 
 def snapshot(folder):
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def refuse_a_second_run(plan, loaded, folder, monkeypatch):
-    """Runs, and from within the first render runs again; returns the error of the second."""
-    render, errors = fgf_warp.renderer.render, []
-
-    def run_again(scene, settings, progress=None):
-        if not errors:
-            errors.append(None)
-            before = snapshot(folder)
-            with pytest.raises(ConfigError) as caught:
-                run.generate(plan, loaded, folder)
-            errors[0] = str(caught.value)
-            assert snapshot(folder) == before
-        return render(scene, settings, progress)
-
-    monkeypatch.setattr(fgf_warp.renderer, "render", run_again)
-    assert run.generate(plan, loaded, folder, workers=1).is_complete
-    assert run.generate(plan, loaded, folder).reused == len(plan.samples)
-    return errors[0]
+def test_a_run_makes_all_that_is_promised(data, plan, fake_renderer):
+    report = generate(plan, TEXT, data)
+    assert (report.total, report.finished, report.reused, report.failures) == (6, 6, 0, ())
+    assert report.is_complete
+    assert not report.interrupted
+    assert sorted(path.name for path in data.iterdir()) == sorted(
+        [layout.CARD, layout.CONFIG, layout.CONTACT_SHEET, layout.CROISSANT, layout.INDEX, layout.PLAN, "data", "run"]
+    )
+    dataset = Dataset(data)
+    assert dataset.complete() == list(range(6))
+    assert dataset.store.read(layout.PLAN) == plan.to_bytes()
+    assert dataset.store.read(layout.CONFIG) == TEXT
+    assert sorted(fake_renderer) == sorted(sample.seed for sample in plan.samples)
 
 
-def test_a_second_run_at_the_same_time_is_refused(tmp_path, dataset, fake_renderer, monkeypatch):
-    message = refuse_a_second_run(*dataset, tmp_path / "data", monkeypatch)
-    assert message.startswith(f"{tmp_path / 'data'}: another run is under way in this folder; wait for its end")
+def test_records_say_what_was_reached(data, plan, fake_renderer):
+    generate(plan, TEXT, data)
+    for sample in plan.samples:
+        record, timing = Dataset(data).record(sample.index), Dataset(data).timing(sample.index)
+        expected = made_up_render(replace(plan.settings, seed=sample.seed))
+        assert (record.index, record.plan, record.spp) == (sample.index, plan.meta.digest, 4)
+        assert record.standard_error == expected.relative_standard_error
+        assert record.statistics["luminance_mean"] > 0
+        assert (timing.render_seconds, timing.attempts) == (0.25, 1)
+        folder = data / layout.sample_folder("train", sample.index)
+        assert set(record.files) == {path.name for path in folder.iterdir()} - {layout.RECORD, layout.TIMING}
+        channels, header = read_exr(folder / layout.RADIANCE)
+        assert "variance.R" in channels
+        assert header["dataset"] == {
+            "name": "small",
+            "plan": plan.meta.digest,
+            "index": sample.index,
+            "swept": dict(sample.parameters),
+        }
 
 
-def test_a_second_run_is_refused_where_there_is_no_fcntl(tmp_path, dataset, fake_renderer, monkeypatch):
-    monkeypatch.setattr(lock, "fcntl", None)
-    message = refuse_a_second_run(*dataset, tmp_path / "data", monkeypatch)
-    assert f"delete {tmp_path / 'data' / 'run' / 'lock'} if it was killed" in message
-    assert not (tmp_path / "data" / "run" / "lock").exists()
+def test_targets_are_computed_where_they_are_asked_for(tmp_path, data, fake_renderer):
+    plan = small_plan(tmp_path, "targets={mean_free_path: true, transmittance: [0, 1]}")
+    generate(plan, TEXT, data)
+    targets = Dataset(data).record(3).targets
+    assert targets["mean_free_path"] > 1 / 3
+    assert targets["transmittance"][0] == 1.0
 
 
-def test_a_run_that_was_killed_early_leaves_no_obstacle(tmp_path, dataset, fake_renderer):
-    (tmp_path / "data" / "run").mkdir(parents=True)
-    (tmp_path / "data" / "run" / "lock").touch()
-    assert run.generate(*dataset, tmp_path / "data").is_complete
+def test_a_finished_dataset_is_not_rendered_again(data, plan, fake_renderer):
+    generate(plan, TEXT, data)
+    fake_renderer.clear()
+    assert generate(plan, TEXT, data).reused == 6
+    assert fake_renderer == []
 
 
-def test_number_of_workers_changes_no_byte(tmp_path, dataset, fake_renderer):
-    plan, loaded = dataset
-    for workers in (1, 2, 5):
-        run.generate(plan, loaded, tmp_path / str(workers), workers=workers)
-    first = tmp_path / "1"
-    for other in (tmp_path / "2", tmp_path / "5"):
-        assert image_bytes(other) == image_bytes(first)
-        assert labels(other).equals(labels(first))
-        for name in ("contact_sheet.png", "config.yaml", "index.parquet"):
-            assert (other / name).read_bytes() == (first / name).read_bytes()
+def test_a_lost_sample_is_rendered_again(data, plan, fake_renderer):
+    generate(plan, TEXT, data)
+    fake_renderer.clear()
+    Store(data).remove(layout.sample_folder("train", 3))
+    assert generate(plan, TEXT, data).reused == 5
+    assert fake_renderer == [plan.samples[3].seed]
 
 
-@pytest.mark.parametrize("workers", [1, 3])
-def test_threads_that_render_are_as_many_as_the_workers(tmp_path, dataset, fake_renderer, monkeypatch, workers):
-    plan, loaded = dataset
-    threads = set()
-
-    def render(scene, settings, progress=None):
-        threads.add(settings.threads)
-        return made_up_render(settings)
-
-    monkeypatch.setattr(fgf_warp.renderer, "render", render)
-    run.generate(plan, loaded, tmp_path / "data", workers=workers)
-    assert threads == {workers}
-
-
-def test_few_images_wait_for_their_files(tmp_path, config_path, scene, fake_renderer, monkeypatch):
-    loaded = load_config(config_path, ["draws=4"])
-    written, waiting = [], []
-
-    def write_slowly(path, result):
-        waiting.append(len(fake_renderer) - len(written))
-        time.sleep(0.02)
-        write_exr(path, result)
-        written.append(path)
-
-    write_exr = run.write_exr
-    monkeypatch.setattr(run, "write_exr", write_slowly)
-    assert run.generate(build_plan(loaded.config, scene, 12, 8), loaded, tmp_path / "data", workers=2).is_complete
-    # Twelve images of each of two laws. Two for each worker, and the one that is being made.
-    assert 2 < max(waiting) <= 2 * 2 + 1
+def test_output_goes_to_an_object_store(data, plan, fake_renderer):
+    url = f"memory://{uuid.uuid4().hex}"
+    generate(plan, TEXT, url, shard=Shard(0, 2))
+    report = generate(plan, TEXT, url)
+    assert (report.reused, report.is_complete) == (3, True)
+    generate(plan, TEXT, data)
+    assert labels(url).equals(labels(data))
+    there = {name: Store(url).read(name) for name in Store(url).sizes()}
+    assert {name: there[name] for name in content(data)} == content(data)
+    assert [line["event"] for line in events(url)] == ["start", "chunk", "sample", "sample", "sample", "end"]
+    # In the memory of this process.
+    with pytest.raises(ConfigError, match="is seen by one process alone"):
+        generate(plan, TEXT, f"memory://{uuid.uuid4().hex}", workers=Workers(count=2))
 
 
-def test_films_of_two_batches_are_never_there_at_once(tmp_path, dataset, fake_renderer, monkeypatch):
-    plan, loaded = dataset
-    films = []
-
-    class Film:
-        pass
-
-    def begin(model):
-        assert not any(film() for film in films)
-        state = Film()
-        films.append(weakref.ref(state))
-        return state
-
-    monkeypatch.setattr(fgf_warp.renderer, "begin", begin)
-    run.generate(plan, loaded, tmp_path / "data")
-    assert len(films) == 2
+def test_events_tell_the_course_of_a_run(data, plan, fake_renderer):
+    generate(plan, TEXT, data)
+    (start,), (end,), samples = told(data, "start"), told(data, "end"), told(data, "sample")
+    assert (start["plan"], start["samples"], start["reused"]) == (plan.meta.digest, 6, 0)
+    assert [(line["done"], line["failed"]) for line in samples] == [(count, 0) for count in range(1, 7)]
+    assert {line["index"] for line in samples} == set(range(6))
+    assert all(line["rate"] > 0 and line["left"] >= 0 and line["status"] == "complete" for line in samples)
+    assert (end["complete"], end["failed"], end["interrupted"]) == (6, 0, False)
+    # Of a second run behind those of the first, and behind what a power cut left of a line.
+    with (data / layout.events()).open("a") as file:
+        file.write('{"event": "sam')
+    generate(plan, TEXT, data)
+    assert [line["reused"] for line in told(data, "start")] == [0, 6]
 
 
-def test_interrupted_run_goes_on_where_it_was(tmp_path, dataset, fake_renderer, monkeypatch):
-    plan, loaded = dataset
-    folder = tmp_path / "data"
+def test_progress_counts_earlier_samples_and_failures(data, plan, fake_renderer, monkeypatch):
+    generate(plan, TEXT, data, shard=Shard(0, 2))
+    monkeypatch.setattr(fgf_warp.renderer, "develop", fail)
+    calls = []
+    generate(plan, TEXT, data, on_progress=calls.append)
+    assert calls[0] == Progress(3, 6)
+    assert calls[-1] == Progress(6, 6, 3)
+
+
+def fail(*_):
+    raise NumericalError("3 samples are not finite")
+
+
+def test_progress_counts_parts_of_samples(data, plan, fake_renderer, monkeypatch):
+    calls = []
+
+    def advance(model, state, samples, progress, images):
+        progress(1, 4)
+        progress(3, 4)
+        yield from images
+
+    monkeypatch.setattr(fgf_warp.renderer, "advance", advance)
+    generate(plan, TEXT, data, on_progress=lambda progress: calls.append(progress.done))
+    assert calls[:3] == [0, 1.5, 4.5]
+
+
+def test_a_sample_that_is_not_finite_is_noted_and_the_others_go_on(data, plan, fake_renderer, monkeypatch):
+    develop = fgf_warp.renderer.develop
+
+    def fail_once(model, state, image):
+        if model.variants[image].seed == plan.samples[1].seed:
+            fail()
+        return develop(model, state, image)
+
+    monkeypatch.setattr(fgf_warp.renderer, "develop", fail_once)
+    report = generate(plan, TEXT, data)
+    assert report.failures == ((1, "3 samples are not finite"),)
+    assert (report.finished, report.is_complete) == (5, False)
+    assert Dataset(data).failures()[1].reason == "3 samples are not finite"
+    assert labels(data)["status"].to_pylist() == ["complete", "failed", *["complete"] * 4]
+
+    monkeypatch.setattr(fgf_warp.renderer, "develop", develop)
+    assert generate(plan, TEXT, data).is_complete
+    assert Dataset(data).failures() == {}
+
+
+def test_paths_that_were_cut_are_counted_in_this_run_and_the_next(data, plan, fake_renderer, monkeypatch):
+    develop = fgf_warp.renderer.develop
+    cut = {plan.samples[1].seed: 5, plan.samples[4].seed: 2}
+
+    def cut_some(model, state, image):
+        return replace(develop(model, state, image), truncated_count=cut.get(model.variants[image].seed, 0))
+
+    monkeypatch.setattr(fgf_warp.renderer, "develop", cut_some)
+    for _ in range(2):
+        report = generate(plan, TEXT, data)
+        assert (report.truncated_paths, report.truncated_samples) == (7, 2)
+
+
+def test_shards_are_of_equal_size_and_make_the_whole(tmp_path, data, fake_renderer):
+    plan = small_plan(tmp_path, "axes={H: [-0.5, -0.25, 0.3], L: [100], g: [-0.5, 0, 0.5, 0.7], S_w: [0.1, 1]}")
+    parts = [samples_of(plan, Shard(index, 4)) for index in range(4)]
+    assert sorted(index for part in parts for index in part) == list(range(24))
+    for part in parts:
+        kinds = [plan.samples[index].medium.line_law.kind for index in part]
+        # Those of one kernel after each other, and of each as many.
+        assert kinds == ["exponential"] * 2 + ["fractional"] * 2 + ["power"] * 2
+    # The last axis is in step with the shards' number, and still in none of them alone.
+    assert all(len({plan.samples[index].parameters["S_w"] for index in part}) == 2 for part in parts)
     whole = tmp_path / "whole"
-    run.generate(plan, loaded, whole)
+    generate(plan, TEXT, whole)
+    for index in (2, 0, 3, 1):
+        report = generate(plan, TEXT, data, shard=Shard(index, 4))
+        assert (report.total, report.is_complete) == (6, True)
+    assert content(data) == content(whole)
+    assert labels(data).equals(labels(whole))
+    assert len(told(data, "sample", "-3-of-4")) == 6
+
+
+@pytest.mark.parametrize("text", ["4/4", "1", "-1/2", "0/0", "a/b", "1/2/3"])
+def test_a_shard_that_is_none_is_refused(text):
+    with pytest.raises(ConfigError, match="accepted: i/n with 0 <= i < n"):
+        Shard.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("workers", "message"),
+    [
+        ({"executor": "dask"}, "executor dask: accepted: local, ray, slurm"),
+        ({"count": 0}, "workers = 0; accepted: an integer >= 1"),
+        ({"cores": 0}, "cores = 0; accepted: an integer >= 1"),
+    ],
+)
+def test_workers_that_are_none_are_refused(workers, message):
+    with pytest.raises(ConfigError, match=message):
+        Workers(**workers)
+
+
+def run_from_within(monkeypatch, second):
+    """Runs `second` within the first render."""
+    develop, caught = fgf_warp.renderer.develop, []
+
+    def develop_and_run(model, state, image):
+        if not caught:
+            caught.append(None)
+            caught[0] = second()
+        return develop(model, state, image)
+
+    monkeypatch.setattr(fgf_warp.renderer, "develop", develop_and_run)
+    return caught
+
+
+@pytest.mark.parametrize(("first", "second"), [("0/1", "0/1"), ("1/2", "1/2"), ("0/1", "1/3"), ("1/2", "0/1")])
+def test_a_second_run_on_the_same_samples_is_refused(data, plan, fake_renderer, monkeypatch, first, second):
+    def run_again():
+        before = snapshot(data)
+        with pytest.raises(ConfigError) as error:
+            generate(plan, TEXT, data, shard=Shard.parse(second))
+        assert {path: before[path] for path in snapshot(data) if path in before} == before
+        return str(error.value)
+
+    caught = run_from_within(monkeypatch, run_again)
+    assert generate(plan, TEXT, data, shard=Shard.parse(first)).is_complete
+    assert caught == [
+        f"{data}: another run is under way in this folder, on shard {first}; wait for its end",
+    ]
+
+
+def test_shards_run_at_the_same_time(tmp_path, data, plan, fake_renderer, monkeypatch):
+    first, second = Shard(0, 2), Shard(1, 2)
+
+    def run_again():
+        for index in range(6):
+            (data / "data" / "train" / f".{index:06d}.0a1b2c.partial").mkdir(parents=True)
+        report = generate(plan, TEXT, data, shard=second)
+        # What the other run may be writing at this moment is not swept.
+        assert {int(path.name[1:7]) for path in data.rglob("*.partial")} == set(samples_of(plan, first))
+        return report
+
+    caught = run_from_within(monkeypatch, run_again)
+    assert generate(plan, TEXT, data, shard=first).is_complete
+    assert caught[0].is_complete
+    generate(plan, TEXT, tmp_path / "whole")
+    assert content(data) == content(tmp_path / "whole")
+    assert labels(data)["status"].to_pylist() == ["complete"] * 6
+    assert not list(data.rglob("*.partial"))
+
+
+def test_without_locks_each_sample_is_committed_once(data, plan, fake_renderer, monkeypatch, caplog):
+    def no_locks(*_, **__):
+        raise OSError(errno.ENOLCK, "no locks")
+
+    monkeypatch.setattr("filelock.FileLock.acquire", no_locks)
+    caught = run_from_within(monkeypatch, lambda: generate(plan, TEXT, data))
+    before = {}
+    commit = Store.commit
+
+    def commit_once(self, folder, files):
+        made = commit(self, folder, files)
+        assert made == (folder not in before)
+        before[folder] = self.read(f"{folder}/{layout.TIMING}")
+        return made
+
+    monkeypatch.setattr(Store, "commit", commit_once)
+    assert generate(plan, TEXT, data).is_complete
+    assert caught[0].is_complete
+    assert len(before) == 6
+    assert "no file locks here" in caplog.text
+
+
+def test_leftovers_of_a_power_cut_are_swept(data, plan, fake_renderer):
+    generate(plan, TEXT, data)
+    leftovers = [
+        data / ".index.12ab.partial.parquet",
+        data / "data" / "train" / ".metadata.12ab.partial.parquet",
+        data / "run" / "failures" / ".000002.12ab.partial.json",
+    ]
+    for leftover in leftovers:
+        leftover.parent.mkdir(exist_ok=True)
+        leftover.write_text("half")
+    (data / "data" / "train" / ".000001.12ab.partial").mkdir()
+    generate(plan, TEXT, data)
+    assert not list(data.rglob("*.partial*"))
+
+
+def test_a_run_that_was_killed_early_leaves_no_obstacle(data, plan, fake_renderer):
+    (data / "run").mkdir(parents=True)
+    (data / "run" / "lock").touch()
+    (data / ".config.12ab.partial.yaml").touch()
+    assert generate(plan, TEXT, data).is_complete
+
+
+def test_a_folder_of_another_plan_is_refused_untouched(tmp_path, data, plan, fake_renderer):
+    generate(plan, TEXT, data)
+    before = snapshot(data)
+    with pytest.raises(ConfigError, match="holds a dataset of another plan"):
+        generate(small_plan(tmp_path, "seed=8"), TEXT, data)
+    assert snapshot(data) == before
+
+
+def test_a_folder_of_something_else_is_refused(data, plan, fake_renderer):
+    data.mkdir()
+    (data / "thesis.tex").write_text("")
+    with pytest.raises(ConfigError, match="is not empty and holds no dataset"):
+        generate(plan, TEXT, data)
+    assert (data / "thesis.tex").exists()
+    assert not (data / layout.PLAN).exists()
+
+
+def test_a_parent_that_is_a_file_is_refused(tmp_path, plan, fake_renderer):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="cannot be made a dataset's folder"):
+        generate(plan, TEXT, tmp_path / "file" / "data")
+
+
+def test_an_image_that_the_memory_does_not_hold_is_refused_before_the_folder_is_made(data, plan):
+    plan = replace(plan, settings=replace(plan.settings, memory=1e-9))
+    with pytest.raises(ConfigError, match=r"16 x 16 pixels needs .* GiB; accepted: at most memory = 1e-09 GiB"):
+        generate(plan, TEXT, data)
+    assert not data.exists()
+
+
+def test_an_interrupted_run_goes_on_where_it_was(tmp_path, data, plan, fake_renderer, monkeypatch):
+    generate(plan, TEXT, tmp_path / "whole")
     fake_renderer.clear()
     advance = fgf_warp.renderer.advance
 
@@ -231,191 +380,141 @@ def test_interrupted_run_goes_on_where_it_was(tmp_path, dataset, fake_renderer, 
     # A process that was started in the background may ignore the signal.
     handler = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        report = run.generate(plan, loaded, folder, workers=1)
+        report = generate(plan, TEXT, data)
     finally:
         signal.signal(signal.SIGINT, handler)
     assert (report.interrupted, report.finished, report.is_complete) == (True, 2, False)
-    assert labels(folder).num_rows == 2
-    assert len(image_bytes(folder)) == 4
-    assert not list(folder.rglob(".*"))
+    assert labels(data)["status"].to_pylist() == ["complete"] * 2 + ["missing"] * 4
+    assert not list(data.rglob(".*"))
+    assert told(data, "end")[0]["interrupted"]
 
     monkeypatch.setattr(fgf_warp.renderer, "advance", advance)
     fake_renderer.clear()
-    report = run.generate(plan, loaded, folder, workers=1)
+    report = generate(plan, TEXT, data)
     assert (report.reused, report.is_complete) == (2, True)
     assert fake_renderer == [sample.seed for sample in plan.samples[2:]]
-    assert image_bytes(folder) == image_bytes(whole)
-    assert labels(folder).equals(labels(whole))
+    assert content(data) == content(tmp_path / "whole")
+    assert labels(data).equals(labels(tmp_path / "whole"))
 
 
-def test_finished_dataset_is_not_rendered_again(tmp_path, dataset, fake_renderer):
-    plan, loaded = dataset
-    run.generate(plan, loaded, tmp_path / "data")
-    fake_renderer.clear()
-    assert run.generate(plan, loaded, tmp_path / "data").reused == 6
-    assert fake_renderer == []
+def test_a_full_disk_ends_the_run_and_leaves_what_is_finished(tmp_path, data, plan, fake_renderer, monkeypatch):
+    commit = store._commit_folder
+
+    def fill_the_disk(target, files):
+        if target.name == "000001":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return commit(target, files)
+
+    monkeypatch.setattr(store, "_commit_folder", fill_the_disk)
+    with pytest.raises(OutputError, match="000001: cannot be written: No space left on device"):
+        generate(plan, TEXT, data)
+    finished = Dataset(data).complete()
+    assert 1 not in finished
+    assert 5 not in finished  # The renderer was told.
+    assert "No space left" in told(data, "end")[0]["error"]
+
+    monkeypatch.setattr(store, "_commit_folder", commit)
+    report = generate(plan, TEXT, data)
+    assert (report.reused, report.is_complete) == (len(finished), True)
+    generate(plan, TEXT, tmp_path / "whole")
+    assert content(data) == content(tmp_path / "whole")
 
 
-@pytest.mark.parametrize("lost", ["images/000003.exr", "images/000003.png", "run/000003.json"])
-def test_sample_with_a_lost_file_is_rendered_again(tmp_path, dataset, fake_renderer, lost):
-    plan, loaded = dataset
-    folder = tmp_path / "data"
-    run.generate(plan, loaded, folder)
-    fake_renderer.clear()
-    (folder / lost).unlink()
-    run.generate(plan, loaded, folder)
-    assert fake_renderer == [plan.samples[3].seed]
-    assert (folder / lost).is_file()
+def test_few_images_wait_for_their_files(tmp_path, data, fake_renderer, monkeypatch):
+    plan = small_plan(tmp_path, "draws=4")
+    encode, written, waiting = render.encode_images, [], []
+
+    def encode_slowly(*arguments):
+        waiting.append(len(fake_renderer) - len(written))
+        time.sleep(0.02)
+        found = encode(*arguments)
+        written.append(found)
+        return found
+
+    monkeypatch.setattr(render, "encode_images", encode_slowly)
+    assert generate(plan, TEXT, data, workers=Workers(cores=2)).is_complete
+    # Two for each thread, and the one that is being made.
+    assert 2 < max(waiting) <= 2 * 2 + 1
 
 
-def test_folder_of_another_plan_is_refused_untouched(tmp_path, dataset, fake_renderer, config_path, scene):
-    plan, loaded = dataset
-    folder = tmp_path / "data"
-    run.generate(plan, loaded, folder)
-    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    other = load_config(config_path, ["seed=8"])
-    with pytest.raises(ConfigError, match="holds a dataset of another plan"):
-        run.generate(build_plan(other.config, scene, 12, 8), other, folder)
-    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+def test_films_of_two_batches_are_never_there_at_once(tmp_path, data, fake_renderer, monkeypatch):
+    plan = small_plan(tmp_path, "axes={H: [-0.5, -0.25, -0.4], S_w: [1]}")
+    films = []
+
+    class Film:
+        pass
+
+    def begin(model):
+        assert not any(film() for film in films)
+        state = Film()
+        films.append(weakref.ref(state))
+        return state
+
+    monkeypatch.setattr(fgf_warp.renderer, "begin", begin)
+    generate(plan, TEXT, data)
+    assert len(films) == 2
 
 
-def test_folder_of_something_else_is_refused(tmp_path, dataset, fake_renderer):
-    plan, loaded = dataset
-    (tmp_path / "data").mkdir()
-    (tmp_path / "data" / "thesis.tex").write_text("")
-    with pytest.raises(ConfigError, match="is not empty and holds no dataset"):
-        run.generate(plan, loaded, tmp_path / "data")
-    assert [path.name for path in (tmp_path / "data").rglob("*")] == ["thesis.tex"]
+@pytest.mark.parametrize("cores", [1, 3])
+def test_threads_that_render_are_as_many_as_the_cores(data, plan, fake_renderer, monkeypatch, cores):
+    threads = set()
+
+    def develop(model, state, image):
+        threads.add(model.settings.threads)
+        return made_up_render(replace(model.settings, seed=model.variants[image].seed))
+
+    monkeypatch.setattr(fgf_warp.renderer, "develop", develop)
+    generate(plan, TEXT, data, workers=Workers(cores=cores))
+    assert threads == {cores}
 
 
-def test_damaged_record_is_reported(tmp_path, dataset, fake_renderer):
-    plan, loaded = dataset
-    run.generate(plan, loaded, tmp_path / "data")
-    (tmp_path / "data" / "run" / "000002.json").write_text("{")
-    with pytest.raises(CorruptFileError, match=r"000002.json: is damaged"):
-        run.generate(plan, loaded, tmp_path / "data")
+def test_rendering_again_takes_the_place_of_what_is_there(data, plan, fake_renderer):
+    generate(plan, TEXT, data)
+    before = content(data)
+    folder = data / layout.sample_folder("train", 2)
+    (folder / layout.RADIANCE).write_bytes(b"damaged")
+    (folder / "surplus").touch()
+    (data / layout.sample_folder("train", 4) / layout.RECORD).unlink()
+    finished = list(render_again(plan, Store(data), [4, 2], {2: 4}))
+    assert sorted(sample.index for sample in finished) == [2, 4]
+    assert content(data) == before
 
 
-def test_leftovers_of_a_power_cut_are_swept(tmp_path, dataset, fake_renderer):
-    plan, loaded = dataset
-    folder = tmp_path / "data"
-    run.generate(plan, loaded, folder)
-    leftovers = [folder / ".index.12ab.partial.parquet", folder / "images" / ".000001.12ab.partial.exr"]
-    for leftover in leftovers:
-        leftover.write_text("half")
-    run.generate(plan, loaded, folder)
-    assert not any(leftover.exists() for leftover in leftovers)
+def test_a_chunk_of_an_object_store_or_a_folder_is_the_same(tmp_path, plan, fake_renderer):
+    """The code path of every executor, called as a worker does."""
+    for location in (tmp_path / "chunk", f"memory://{uuid.uuid4().hex}"):
+        store = Store(location)
+        finished = list(render_chunk(plan, store, Chunk((3, 5), attempt=2)))
+        assert sorted(sample.index for sample in finished) == [3, 5]
+        assert all(sample.seconds == 0.25 and sample.error is None for sample in finished)
+        assert sum(name.endswith(layout.RECORD) for name in store.sizes()) == 2
 
 
-def test_sample_that_is_not_finite_is_reported_and_the_others_go_on(tmp_path, dataset, fake_renderer, monkeypatch):
-    plan, loaded = dataset
-    render = fgf_warp.renderer.render
-
-    def fail_once(scene, settings, progress=None):
-        if settings.seed == plan.samples[1].seed:
-            raise NumericalError("3 samples are not finite")
-        return render(scene, settings, progress)
-
-    monkeypatch.setattr(fgf_warp.renderer, "render", fail_once)
-    report = run.generate(plan, loaded, tmp_path / "data", workers=2)
-    assert report.failures == ((1, "3 samples are not finite"),)
-    assert (report.finished, report.is_complete) == (5, False)
-    assert labels(tmp_path / "data")["index"].to_pylist() == [0, 2, 3, 4, 5]
+KILOBYTES = 220
+"""Of a disk that holds the plan and two or three samples of a dozen."""
 
 
-def test_record_is_the_last_of_a_samples_files(tmp_path, dataset, fake_renderer, monkeypatch):
-    plan, loaded = dataset
-    folder = tmp_path / "data"
-
-    def refuse(*_):
-        raise OutputError("no space left")
-
-    monkeypatch.setattr(run, "write_png", refuse)
-    with pytest.raises(OutputError, match="no space left"):
-        run.generate(plan, loaded, folder, workers=1)
-    assert not list((folder / "run").glob("0*.json"))
-
-
-def test_a_file_that_cannot_be_written_ends_the_run_and_leaves_what_is_finished(
-    tmp_path, config_path, scene, fake_renderer, monkeypatch
-):
-    loaded = load_config(config_path, ["axes.H=[-0.5]", "draws=3"])
-    plan = build_plan(loaded.config, scene, 12, 8)
-    folder = tmp_path / "data"
-    write_exr, advance, ended = run.write_exr, fgf_warp.renderer.advance, []
-
-    def fill_the_disk(path, result):
-        if path.stem == "000001":
-            raise OutputError("no space left")
-        write_exr(path, result)
-
-    def see_the_end(*arguments):
-        try:
-            yield from advance(*arguments)
-        finally:
-            ended.append(len(fake_renderer))
-
-    monkeypatch.setattr(run, "write_exr", fill_the_disk)
-    monkeypatch.setattr(fgf_warp.renderer, "advance", see_the_end)
-    with pytest.raises(OutputError, match="no space left"):
-        run.generate(plan, loaded, folder, workers=1)
-    # The renderer was told, and what was handed over is written.
-    (rendered,) = ended
-    assert rendered < len(plan.samples)
-    finished = {path.stem for path in (folder / "run").glob("0*.json")}
-    assert finished == {f"{i:06d}" for i in range(rendered)} - {"000001"}
-
-    monkeypatch.setattr(run, "write_exr", write_exr)
-    report = run.generate(plan, loaded, folder)
-    assert (report.reused, report.is_complete) == (rendered - 1, True)
+@pytest.fixture
+def small_disk(tmp_path):
+    """A folder on a file system of its own."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={KILOBYTES}k", "tmpfs", str(disk)]
+    if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode != 0:
+        pytest.skip("only root may mount a file system")
+    yield disk
+    subprocess.run(["umount", str(disk)], check=True)
 
 
-def test_progress_counts_earlier_samples(tmp_path, dataset, fake_renderer):
-    plan, loaded = dataset
-    run.generate(plan, loaded, tmp_path / "data")
-    (tmp_path / "data" / "run" / "000000.json").unlink()
-    calls = []
-    run.generate(plan, loaded, tmp_path / "data", progress=lambda done, total: calls.append((done, total)))
-    assert calls == [(5, 6), (5, 6), (6, 6)]
-
-
-def test_progress_counts_parts_of_samples(tmp_path, config_path, fake_renderer, monkeypatch):
-    loaded = load_config(config_path, ["axes={H: [-0.5, -0.25, -0.3]}"])
-    calls = []
-
-    def advance(model, state, samples, progress):
-        progress(1, 4)
-        progress(3, 4)
-        yield from range(len(model.variants))
-
-    monkeypatch.setattr(fgf_warp.renderer, "advance", advance)
-    plan = build_plan(loaded.config, furnace(white_noise_scale=1.0), 12, 8)
-    run.generate(plan, loaded, tmp_path / "data", progress=lambda done, total: calls.append((done, total)))
-    assert calls == [(0, 3), (0.25, 3), (0.75, 3), (1.5, 3), (2.5, 3)]
-
-
-def test_fewer_than_one_worker_is_refused(tmp_path, dataset):
-    with pytest.raises(ConfigError, match="workers = 0"):
-        run.generate(*dataset, tmp_path / "data", workers=0)
-
-
-def test_an_image_that_the_memory_does_not_hold_is_refused_before_the_folder_is_made(tmp_path, dataset):
-    plan, loaded = dataset
-    plan = replace(plan, settings=replace(plan.settings, memory=1e-9))
-    with pytest.raises(ConfigError, match=r"12 x 8 pixels needs .* GiB; accepted: at most memory = 1e-09 GiB"):
-        run.generate(plan, loaded, tmp_path / "deep" / "data")
-    assert not (tmp_path / "deep").exists()
-
-
-def test_parent_that_is_a_file_is_refused(tmp_path, dataset):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="cannot be made the dataset's folder"):
-        run.generate(*dataset, tmp_path / "file" / "data")
-
-
-def test_records_are_small_json(tmp_path, dataset, fake_renderer):
-    plan, loaded = dataset
-    run.generate(plan, loaded, tmp_path / "data")
-    record = json.loads((tmp_path / "data" / "run" / "000005.json").read_text())
-    assert record["plan"] == plan.digest
-    assert record["index"] == 5
+def test_a_disk_that_is_full_and_then_larger(tmp_path, small_disk, fake_renderer):
+    plan = small_plan(tmp_path, "draws=6", "image={width: 32, height: 32}")
+    with pytest.raises(OutputError, match="No space left on device"):
+        generate(plan, TEXT, small_disk / "data")
+    finished = Dataset(small_disk / "data").complete()
+    assert 0 < len(finished) < 36
+    assert not list((small_disk / "data" / "data").rglob(".*"))
+    subprocess.run(["mount", "-o", "remount,size=100m", str(small_disk)], check=True)
+    report = generate(plan, TEXT, small_disk / "data")
+    assert (report.reused, report.is_complete) == (len(finished), True)
+    generate(plan, TEXT, tmp_path / "whole")
+    assert content(small_disk / "data") == content(tmp_path / "whole")

@@ -30,7 +30,8 @@ def launch_threads(model, state):
     kernel = model.program.render_threads
     kernel.module.load(wp.get_device("cpu"), 1)
     pixels = model.settings.width * model.settings.height
-    inputs = [model.uploaded.data, model.uploaded.limits, state.film, pixels, 0, model.settings.spp]
+    images = wp.zeros(1, dtype=int, device="cpu")
+    inputs = [model.uploaded.data, model.uploaded.limits, state.film, images, pixels, 0, model.settings.spp]
     wp.launch(kernel, dim=(1, pixels), inputs=inputs, device="cpu")
 
 

@@ -1,0 +1,91 @@
+"""What happens in a run, as lines of JSON."""
+
+from __future__ import annotations
+
+import json
+import time
+from datetime import UTC, datetime
+from types import TracebackType
+from typing import Any, BinaryIO
+
+from fgf_warp.errors import OutputError
+from generators.dataset.store import Store
+
+UPLOAD_SECONDS = 10.0
+"""Between two uploads to an object store, which has no appending."""
+
+
+class EventLog:
+    """Appends to a file of a dataset; every line is whole, also where a run is killed.
+
+    Args:
+        store: of the dataset.
+        name: of the file.
+
+    Raises:
+        OutputError: where it cannot be written.
+    """
+
+    def __init__(self, store: Store, name: str) -> None:
+        self._store, self._name = store, name
+        self._file: BinaryIO | None = None
+        self._content = b""
+        self._uploaded = time.monotonic()
+        if store.folder is None:
+            self._content = store.read(name) if store.exists(name) else b""
+            return
+        path = store.folder / name
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = path.open("a+b", buffering=0)
+            self._drop_torn_line()
+        except OSError as error:
+            raise self._error(error) from error
+
+    def __enter__(self) -> EventLog:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._file:
+            self._file.close()
+        elif error is None:
+            self._upload()
+
+    def write(self, event: str, **details: Any) -> None:
+        """Appends an event.
+
+        Args:
+            event: ``start``, ``chunk``, ``sample``, ``lost``, ``retry`` or ``end``.
+            details: JSON-ready.
+
+        Raises:
+            OutputError: where it cannot be written.
+        """
+        now = datetime.now(UTC).isoformat(timespec="milliseconds")
+        line = (json.dumps({"time": now, "event": event, **details}, allow_nan=False) + "\n").encode()
+        if self._file is None:
+            self._content += line
+            if time.monotonic() - self._uploaded > UPLOAD_SECONDS:
+                self._upload()
+            return
+        try:
+            self._file.write(line)
+        except OSError as error:
+            raise self._error(error) from error
+
+    def _drop_torn_line(self) -> None:
+        """What a machine that stopped left of the last line."""
+        assert self._file
+        self._file.seek(0)
+        content = self._file.read()
+        if content and not content.endswith(b"\n"):
+            self._file.truncate(content.rfind(b"\n") + 1)
+
+    def _upload(self) -> None:
+        self._store.write(self._name, self._content)
+        self._uploaded = time.monotonic()
+
+    def _error(self, error: OSError) -> OutputError:
+        return OutputError(f"{self._store.location}/{self._name}: cannot be written: {error.strerror or error}")

@@ -1,0 +1,109 @@
+"""Makes a folder that of a plan's dataset, and keeps others out while a run is at work in it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fgf_warp.errors import ConfigError, OutputError
+from fgf_warp.locks import HeldError, hold
+from generators.dataset import layout
+from generators.dataset.plan_table import read_plan
+from generators.dataset.store import Store
+from generators.running.shard import Shard, samples_of
+
+if TYPE_CHECKING:
+    from generators.planning.plan import Plan
+
+SHORT_LOCK = "lock"
+"""Held while a run opens the dataset, and while one publishes it: never for long."""
+SHARD_LOCK = "shard-*-of-*.lock"
+
+
+@contextmanager
+def opened(plan: Plan, config: bytes | None, store: Store, shard: Shard) -> Iterator[list[int]]:
+    """Holds a shard of a dataset, which is made or found to be of this plan.
+
+    In an object store, which has no locks, nothing keeps a second run out; each sample is committed once all the same.
+
+    Args:
+        plan: of the dataset.
+        config: that it was made from, as YAML; kept with a new dataset; None leaves what there is.
+        store: of the dataset.
+        shard: to hold.
+
+    Yields:
+        The indices of the shard's samples, those of equal scenes after each other.
+
+    Raises:
+        ConfigError: where there is something else, or where another run holds samples of the shard.
+        OutputError: where nothing can be written.
+    """
+    indices = samples_of(plan, shard)
+    with ExitStack() as held:
+        with sole(store):
+            _refuse_other_content(plan, store)
+            if store.folder:
+                _refuse_held_samples(plan, store.folder / layout.RUN, shard, indices)
+                held.enter_context(hold(_shard_lock(store.folder / layout.RUN, shard), wait=False))
+            store.sweep([layout.sample_name(index) for index in indices])
+            for name, content in ((layout.CONFIG, config), (layout.PLAN, plan.to_bytes())):
+                if content is not None and not store.exists(name):
+                    store.write(name, content)
+        yield indices
+
+
+@contextmanager
+def sole(store: Store) -> Iterator[None]:
+    """Alone with the dataset's own files, beside those of its samples; others wait.
+
+    Raises:
+        OutputError: where the folder cannot be made.
+    """
+    if store.folder is None:
+        yield
+        return
+    run = store.folder / layout.RUN
+    try:
+        run.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{store.location}: cannot be made a dataset's folder: {error.strerror}") from error
+    with hold(run / SHORT_LOCK, wait=True):
+        yield
+
+
+def _refuse_other_content(plan: Plan, store: Store) -> None:
+    if not store.exists(layout.PLAN):
+        if any(name != layout.RUN for name in store.entries()):
+            raise ConfigError(f"{store.location}: is not empty and holds no dataset; choose another place with --out")
+        return
+    meta, _ = read_plan(store.read(layout.PLAN), f"{store.location}/{layout.PLAN}")
+    if meta.digest != plan.meta.digest:
+        raise ConfigError(
+            f"{store.location}: holds a dataset of another plan (config, scene or version differ); "
+            "choose another place with --out, or delete this one"
+        )
+
+
+def _refuse_held_samples(plan: Plan, run: Path, shard: Shard, indices: Collection[int]) -> None:
+    for path in run.glob(SHARD_LOCK):
+        other = _shard_of(path)
+        if other == shard or not set(indices).isdisjoint(samples_of(plan, other)):
+            try:
+                with hold(path, wait=False):
+                    pass
+            except HeldError as error:
+                raise ConfigError(
+                    f"{run.parent}: another run is under way in this folder, on shard {other}; wait for its end"
+                ) from error
+
+
+def _shard_lock(run: Path, shard: Shard) -> Path:
+    return run / f"shard-{shard.index}-of-{shard.count}.lock"
+
+
+def _shard_of(path: Path) -> Shard:
+    _, index, _, count = path.stem.split("-")
+    return Shard(int(index), int(count))

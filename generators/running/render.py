@@ -1,0 +1,250 @@
+"""Renders a chunk of samples and commits each: the one code path of all executors."""
+
+from __future__ import annotations
+
+import os
+import platform
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import closing
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+
+from fgf_warp.errors import NumericalError
+from fgf_warp.output.color import write_png
+from fgf_warp.output.exr import write_exr
+from fgf_warp.result import RenderResult
+from fgf_warp.settings import GIB
+from generators.dataset import layout
+from generators.dataset.plan_table import read_plan
+from generators.dataset.record import Record, Timing, encode, file_entry
+from generators.dataset.store import Store
+from generators.publishing.statistics import image_statistics
+from generators.publishing.targets import compute_targets
+from generators.running.messages import Chunk, Finished
+from generators.running.quality import Quality
+
+if TYPE_CHECKING:
+    from fgf_warp.renderer import Model
+    from generators.planning.plan import Plan, Sample
+
+Share = Callable[[float], None]
+"""Called with the number of samples of the chunk whose render is done, the begun ones by their share."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a worker renders; it changes no file but the timing.
+
+    Args:
+        threads: that render, and as many that write; None takes every core.
+        repairs: whether a sample takes the place of one that is there.
+        spp: samples per pixel, by index, in place of the plan's quality.
+    """
+
+    threads: int | None = None
+    repairs: bool = False
+    spp: Mapping[int, int] | None = None
+
+
+def render_chunk(
+    plan: Plan, store: Store, chunk: Chunk, way: Way | None = None, share: Share | None = None
+) -> Iterator[Finished]:
+    """Renders the samples of a chunk in batches, while others are written.
+
+    Args:
+        plan: of the dataset.
+        store: of the dataset.
+        chunk: what to render.
+        way: how; by default with all cores.
+        share: see `Share`.
+
+    Yields:
+        Each sample, as soon as it is in the dataset or could not be rendered.
+
+    Raises:
+        OutputError: where a file cannot be written.
+        ConfigError: where the settings' memory does not hold one image.
+    """
+    way = way or Way()
+    samples = [plan.samples[index] for index in chunk.indices]
+    done = 0.0
+
+    def count(part: float) -> None:
+        if share:
+            share(done + part)
+
+    with closing(_Writer(plan, store, way, chunk.attempt)) as writer:
+        for group in _groups(plan, samples, way):
+            for sample, result in _render_group(plan, group, way, count):
+                if isinstance(result, NumericalError):
+                    yield Finished(sample.index, error=str(result))
+                else:
+                    writer.add(sample, result)
+                    yield from writer.collect(until=writer.most_waiting)
+            done += len(group)
+        yield from writer.collect(until=0)
+
+
+def cores() -> int:
+    """That this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _quality(plan: Plan, way: Way, sample: Sample) -> Quality:
+    if way.spp is not None and sample.index in way.spp:
+        return Quality(way.spp[sample.index])
+    return Quality.from_bounds(plan.settings.spp, plan.meta.quality)
+
+
+def _groups(plan: Plan, samples: Sequence[Sample], way: Way) -> Iterator[list[Sample]]:
+    """Successive samples that may share a batch: with a time budget each alone, since the time is that of one image."""
+
+    def key(sample: Sample) -> tuple[object, ...]:
+        quality = _quality(plan, way, sample)
+        return plan.group_key(sample), quality, sample.index if quality.time is not None else None
+
+    for _, group in groupby(samples, key):
+        yield list(group)
+
+
+def _render_group(
+    plan: Plan, group: Sequence[Sample], way: Way, share: Share
+) -> Iterator[tuple[Sample, RenderResult | NumericalError]]:
+    from fgf_warp.renderer import Variant, batches  # noqa: PLC0415 - starts Warp
+
+    settings, quality = replace(plan.settings, threads=way.threads or cores()), _quality(plan, way, group[0])
+    variants = [Variant(plan.media_of(sample), sample.seed) for sample in group]
+    begun = 0
+    for model in batches(plan.scene_of(group[0]), variants, settings):
+        # In a function, so that the films of a batch are gone before the next are made.
+        for image, result in _render_batch(model, quality, partial(_add, share, begun)):
+            yield group[begun + image], result
+        begun += len(model.variants)
+
+
+def _add(share: Share, begun: int, part: float) -> None:
+    share(begun + part)
+
+
+def _render_batch(model: Model, quality: Quality, share: Share) -> Iterator[tuple[int, RenderResult | NumericalError]]:
+    """Renders in rounds; an image that is good enough takes no part in the next one."""
+    from fgf_warp.renderer import advance, begin, develop  # noqa: PLC0415
+
+    state, images, samples = begin(model), list(range(len(model.variants))), quality.next_round(0, 0.0)
+    while images:
+        count, finished = len(images), len(model.variants) - len(images)
+        unfinished: list[int] = []
+
+        def progress(done: int, total: int, count: int = count, finished: int = finished) -> None:
+            share(finished + count * done / total)
+
+        for image in advance(model, state, samples, progress, images):
+            try:
+                result = develop(model, state, image)
+            except NumericalError as error:
+                yield image, error
+                continue
+            if quality.is_reached(result):
+                yield image, result
+            else:
+                unfinished.append(image)
+                samples = quality.next_round(result.samples, result.seconds)
+        images = unfinished
+
+
+class _Writer:
+    """Writes samples in threads of its own.
+
+    Args:
+        plan: of the samples.
+        store: to write to.
+        way: how they are rendered.
+        attempt: of the chunk.
+    """
+
+    def __init__(self, plan: Plan, store: Store, way: Way, attempt: int) -> None:
+        from fgf_warp.renderer import image_bytes  # noqa: PLC0415 - starts Warp
+
+        self._plan, self._store, self._way, self._attempt = plan, store, way, attempt
+        threads = way.threads or cores()
+        self._pool = ThreadPoolExecutor(threads)
+        self._writing: set[Future[Finished]] = set()
+        # The memory of a batch is enough to develop all its images, so of that many one may wait for its files.
+        self.most_waiting = min(2 * threads, int(plan.settings.memory * GIB // image_bytes(plan.settings)) - 1)
+
+    def add(self, sample: Sample, result: RenderResult) -> None:
+        """Hands a sample over."""
+        self._writing.add(self._pool.submit(self._write, sample, result))
+
+    def collect(self, until: int) -> Iterator[Finished]:
+        """Yields what is written, and waits while more than `until` samples are not.
+
+        Raises:
+            OutputError: where a file could not be written.
+        """
+        while True:
+            done = {future for future in self._writing if future.done()}
+            self._writing -= done
+            for future in done:
+                yield future.result()
+            if len(self._writing) <= until:
+                return
+            wait(self._writing, return_when=FIRST_COMPLETED)
+
+    def close(self) -> None:
+        """Waits for all that was handed over."""
+        self._pool.shutdown()
+
+    def _row(self, sample: Sample) -> dict[str, Any]:
+        (row,) = self._table.slice(sample.index, 1).to_pylist()
+        return row
+
+    @cached_property
+    def _table(self) -> pa.Table:
+        return read_plan(self._plan.to_bytes(), layout.PLAN)[1]
+
+    def _write(self, sample: Sample, result: RenderResult) -> Finished:
+        started = time.perf_counter()
+        files = encode_images(self._plan, sample, result)
+        record = Record(
+            index=sample.index,
+            plan=self._plan.meta.digest,
+            spp=result.samples,
+            standard_error=result.relative_standard_error,
+            truncated=result.truncated_count,
+            nonfinite=0,
+            statistics=image_statistics(result),
+            targets=compute_targets(self._row(sample), self._plan.meta.targets) if self._plan.meta.targets else {},
+            files={name: file_entry(content) for name, content in files.items()},
+        )
+        seconds = time.perf_counter() - started
+        timing = Timing(result.seconds, seconds, f"{platform.node()}:{os.getpid()}", self._attempt)
+        folder = layout.sample_folder(sample.split, sample.index)
+        if self._way.repairs:
+            self._store.remove(folder)
+        self._store.commit(folder, {**files, layout.RECORD: encode(record), layout.TIMING: encode(timing)})
+        return Finished(sample.index, result.seconds)
+
+
+def encode_images(plan: Plan, sample: Sample, result: RenderResult) -> dict[str, bytes]:
+    """The image files of a sample, by name."""
+    dataset = {
+        "name": plan.meta.name,
+        "plan": plan.meta.digest,
+        "index": sample.index,
+        "swept": dict(sample.parameters),
+    }
+    with tempfile.TemporaryDirectory(prefix="fgf-") as temporary:
+        folder = Path(temporary)
+        write_exr(folder / layout.RADIANCE, replace(result, provenance={**result.provenance, "dataset": dataset}))
+        if plan.meta.png:
+            write_png(folder / layout.IMAGE, result, plan.meta.exposure)
+        return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
