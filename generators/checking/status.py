@@ -12,10 +12,13 @@ from typing import Any
 from generators.dataset import layout
 from generators.dataset.plan_table import SPLIT
 from generators.dataset.reader import Dataset
+from generators.publishing.columns import COMPLETE, FAILED, MISSING
+from generators.running.opening import shards_under_way
 
 EVENTS = (f"{layout.RUN}/events", ".jsonl")
 """Beginning and end of the names of the files of events: one for each shard."""
-STATES = ("complete", "failed", "missing")
+UNDER_WAY = "under way"
+STATES = (COMPLETE, FAILED, MISSING)
 
 
 @dataclass(frozen=True)
@@ -28,11 +31,12 @@ class Run:
         started: time in ISO 8601.
         last: of its latest event.
         silent_seconds: since then.
-        ended: what became of it, in a word or a line; None where it has not said so: it is under way, or was killed.
+        state: ``under way``; ``finished``, ``interrupted`` or ``error: ...``, as it said at its end; ``killed`` where
+            it said nothing; in an object store, which has no locks, ``under way or killed``.
         done: samples that it has finished, those of earlier runs included.
         total: samples of the shard.
         rate: samples finished per second; None before the first.
-        left_seconds: that it will take from now on; None where that is not known, or it has ended.
+        left_seconds: that it will take from now on; None where that is not known, or it is not under way.
     """
 
     shard: str
@@ -40,7 +44,7 @@ class Run:
     started: str
     last: str
     silent_seconds: float
-    ended: str | None
+    state: str
     done: int
     total: int
     rate: float | None
@@ -108,11 +112,13 @@ def read_status(dataset: Dataset, now: datetime | None = None) -> Status:
 
 
 def _runs(dataset: Dataset, now: datetime) -> Iterator[Run]:
+    held = {str(shard) for shard in shards_under_way(dataset.store)}
     for name in dataset.store.sizes(layout.RUN):
         if name.startswith(EVENTS[0]) and name.endswith(EVENTS[1]):
             events = _last_run(dataset.store.read(name))
             if events:
-                yield _run(events, now)
+                lives = events[0]["shard"] in held if dataset.store.folder else None
+                yield _run(events, lives, now)
 
 
 def _last_run(content: bytes) -> list[dict[str, Any]]:
@@ -130,29 +136,35 @@ def _last_run(content: bytes) -> list[dict[str, Any]]:
     return events if events and events[0]["event"] == "start" else []
 
 
-def _run(events: list[dict[str, Any]], now: datetime) -> Run:
+def _run(events: list[dict[str, Any]], lives: bool | None, now: datetime) -> Run:
     start, last = events[0], events[-1]
     samples = [event for event in events if event["event"] == "sample"]
-    silent = max(0.0, (now - datetime.fromisoformat(last["time"])).total_seconds())
-    ended = _end(last) if last["event"] == "end" else None
-    left = samples[-1].get("left") if samples and ended is None else None
+    state = _state(last, lives)
+    left = samples[-1]["left"] if samples and state.startswith(UNDER_WAY) else None
     if left is not None:
-        left = max(0.0, left - (now - datetime.fromisoformat(samples[-1]["time"])).total_seconds())
+        left = max(0.0, left - _seconds_since(samples[-1], now))
     return Run(
-        shard=start.get("shard", "0/1"),
-        executor=start.get("executor", ""),
+        shard=start["shard"],
+        executor=start["executor"],
         started=start["time"],
         last=last["time"],
-        silent_seconds=round(silent, 3),
-        ended=ended,
-        done=samples[-1]["done"] if samples else start.get("reused", 0),
-        total=start.get("samples", 0),
-        rate=samples[-1].get("rate") if samples else None,
+        silent_seconds=round(_seconds_since(last, now), 3),
+        state=state,
+        done=samples[-1]["done"] if samples else start["reused"],
+        total=start["samples"],
+        rate=samples[-1]["rate"] if samples else None,
         left_seconds=left,
     )
 
 
-def _end(event: Mapping[str, Any]) -> str:
-    if "error" in event:
-        return f"error: {event['error']}"
-    return "interrupted" if event.get("interrupted") else "finished"
+def _state(last: Mapping[str, Any], lives: bool | None) -> str:
+    """Of a run, by its last event and whether it holds its lock."""
+    if last["event"] == "end":
+        return f"error: {last['error']}" if "error" in last else "interrupted" if last["interrupted"] else "finished"
+    if lives is None:
+        return f"{UNDER_WAY} or killed"
+    return UNDER_WAY if lives else "killed"
+
+
+def _seconds_since(event: Mapping[str, Any], now: datetime) -> float:
+    return max(0.0, (now - datetime.fromisoformat(event["time"])).total_seconds())

@@ -19,6 +19,7 @@ from generators.dataset.plan_table import INDEX, SPLIT
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Failure
 from generators.dataset.store import Store
+from generators.running.opening import shards_under_way
 
 WORKERS = 8
 """Threads that read; hashing lets the others go on, and so does waiting for a file."""
@@ -136,6 +137,8 @@ def _surplus(dataset: Dataset, sizes: Mapping[str, int]) -> Iterator[Finding]:
     for name, count in sorted(strange.items()):
         what = "a file" if name in sizes else f"a folder of {count} files"
         if fnmatch(name.rpartition("/")[2], PARTIAL_GLOB):
+            if shards_under_way(dataset.store):
+                continue  # it is being written
             yield Finding(Kind.LEFTOVER, name, f"{what} that a run left half-written", "nothing")
         else:
             yield Finding(Kind.SURPLUS, name, f"{what} that is not of the dataset", "nothing")

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from generators.commands.common import EXIT_CORRUPT, EXIT_PARTIAL, count_of, progress_bar, warn
+from generators.commands.common import EXIT_CORRUPT, EXIT_PARTIAL, count_of, progress_bar, start_warp
 
 if TYPE_CHECKING:
     from generators.checking.findings import Verification
     from generators.checking.status import Run, Status
 
 SILENT_SECONDS = 60
-"""After so long without an event, a run that has not ended is said to be silent."""
+"""After so long without an event, a run is said to be silent."""
 FAILURES_SHOWN = 5
 Location = Annotated[
     str, typer.Argument(metavar="DIR", help="The dataset: a folder, or a URL such as s3://bucket/name.")
@@ -45,33 +45,25 @@ def verify(
       fgf verify datasets/quickstart --deep
       fgf verify datasets/quickstart --repair
     """  # noqa: D301
-    from generators.checking.repair import repair_dataset, restore_plan  # noqa: PLC0415
-    from generators.checking.verify import check_plan, verify_dataset  # noqa: PLC0415
+    from generators.checking.repair import DEVICES, repair_dataset, restore_plan  # noqa: PLC0415
+    from generators.checking.verify import check_plan  # noqa: PLC0415
     from generators.dataset.reader import Dataset  # noqa: PLC0415
 
     damage = check_plan(location)
     if damage is not None:
         typer.echo(damage)
         if not repair:
-            typer.echo("1 damaged; nothing else can be checked without the plan")
+            typer.echo("1 damaged: nothing else can be checked without the plan")
             raise typer.Exit(EXIT_CORRUPT)
         restore_plan(location)
-        typer.echo(f"repaired {damage.name}")
-    with progress_bar(counted=True) as progress:
-        task = progress.add_task("checking", total=None)
-
-        def show(done: int, total: int) -> None:
-            progress.update(task, completed=done, total=total)
-
-        found = verify_dataset(Dataset(location), deep=deep, progress=show)
-    _print_findings(found)
+        typer.echo(f"made {damage.name} anew")
+    found = _verify(location, deep=deep)
     if repair and found.is_repairable:
-        repaired = repair_dataset(location, found)
-        for line in repaired.done:
+        if found.damaged_samples():
+            start_warp(DEVICES[Dataset(location).meta.device])
+        for line in repair_dataset(location, found):
             typer.echo(line)
-        warn(repaired.warnings)
-        found = verify_dataset(Dataset(location), deep=deep)
-        _print_findings(found)
+        found = _verify(location, deep=deep)
     if not found.is_whole:
         raise typer.Exit(EXIT_CORRUPT if found.is_damaged else EXIT_PARTIAL)
 
@@ -128,6 +120,22 @@ def report(
     typer.echo(f"wrote {written}")
 
 
+def _verify(location: str, *, deep: bool) -> Verification:
+    """Looks, and tells what it finds."""
+    from generators.checking.verify import verify_dataset  # noqa: PLC0415
+    from generators.dataset.reader import Dataset  # noqa: PLC0415
+
+    with progress_bar(counted=True) as progress:
+        task = progress.add_task("checking", total=None)
+
+        def show(done: int, total: int) -> None:
+            progress.update(task, completed=done, total=total)
+
+        found = verify_dataset(Dataset(location), deep=deep, progress=show)
+    _print_findings(found)
+    return found
+
+
 def _print_findings(found: Verification) -> None:
     for finding in found.findings:
         typer.echo(finding)
@@ -160,13 +168,11 @@ def _print_status(found: Status) -> None:
 
 def _describe(run: Run) -> str:
     done = f"{run.done:,} of {run.total:,} samples"
-    if run.ended is not None:
-        return f"{run.ended} at {run.last[:19]}, {done}"
+    if run.left_seconds is None:
+        return f"{run.state}, the last sign of it at {run.last[:19]}; {done}"
     silent = run.silent_seconds > SILENT_SECONDS
-    state = f"silent for {_duration(run.silent_seconds)}; it may have been killed" if silent else "under way"
-    rate = f", {run.rate:.3g} samples/s" if run.rate else ""
-    left = f", about {_duration(run.left_seconds)} left" if run.left_seconds is not None and not silent else ""
-    return f"{state}, {done}{rate}{left}"
+    silence = f", silent for {_duration(run.silent_seconds)}" if silent else ""
+    return f"{run.state}{silence}, {done}, {run.rate:.3g} samples/s, about {_duration(run.left_seconds)} left"
 
 
 def _duration(seconds: float) -> str:
