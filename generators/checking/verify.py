@@ -78,11 +78,14 @@ def verify_dataset(dataset: Dataset, *, deep: bool = False, progress: Progress |
     if isinstance(failures, Finding):
         findings = [failures, *_surplus(dataset, sizes), *of_samples]
     else:
-        failed = {index: failure for index, failure in failures.items() if index not in samples.there}
+        published = check_published(dataset, sizes, samples)
+        # What was there once is named already.
+        known = samples.there | {finding.sample for finding in published if finding.sample is not None}
+        failed = {index: failure for index, failure in failures.items() if index not in known}
         findings = [
-            *check_published(dataset, sizes, samples),
+            *published,
             *_surplus(dataset, sizes),
-            *_unfinished(dataset, samples.there, failed),
+            *_unfinished(dataset, known, failed),
             *check_spread(dataset, sorted(failed)),
             *of_samples,
         ]
@@ -109,14 +112,14 @@ def _failures(dataset: Dataset) -> dict[int, Failure] | Finding:
         return Finding(Kind.DAMAGED, name, "is damaged", READABLE)
 
 
-def _unfinished(dataset: Dataset, there: Collection[int], failures: Mapping[int, Failure]) -> Iterator[Finding]:
+def _unfinished(dataset: Dataset, known: Collection[int], failures: Mapping[int, Failure]) -> Iterator[Finding]:
     """Samples that failed, each with its reason, and those that are missing, by split."""
     for index, failure in sorted(failures.items()):
         found = f"failed after {failure.attempts} attempts: {failure.reason}"
         yield Finding(Kind.INCOMPLETE, dataset.folders[index], found, "a sample", index)
     splits = dataset.plan[SPLIT].to_pylist()
     for split, planned in Counter(splits).items():
-        missing = [i for i, name in enumerate(splits) if name == split and i not in there and i not in failures]
+        missing = [i for i, name in enumerate(splits) if name == split and i not in known and i not in failures]
         if missing:
             found = f"{len(missing):,} of {planned:,} samples are missing: {name_ranges(missing)}"
             yield Finding(Kind.INCOMPLETE, f"{layout.DATA}/{split}", found, f"{planned:,} samples")

@@ -19,6 +19,8 @@ from generators.publishing.words import describe_quality
 DIGITS = 6
 """Significant digits of the numbers on the page."""
 REACHED = ("render_seconds", "standard_error", "spp", "truncated")
+MAIN_STATISTICS = ("luminance_mean", "luminance_std", "luminance_p99", "alpha_mean", "gradient_energy", "structure_4")
+"""What the page shows at once; the others are below them on demand."""
 NOT_SHOWN = frozenset({STATUS, SPLIT, EXR, PNG, "config_hash", "nonfinite"})
 
 
@@ -105,6 +107,7 @@ def _column(labels: pa.Table, name: str, group: str, grid: tuple[float | str, ..
     return {
         "name": name,
         "group": group,
+        "main": name in MAIN_STATISTICS,
         "category": pa.types.is_string(field.type),
         "unit": metadata.get(b"unit", b"").decode(),
         "about": metadata.get(b"meaning", b"").decode(),

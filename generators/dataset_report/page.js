@@ -279,12 +279,14 @@ function histogram(column, indices) {
 const ends = (x, width) => (x < 20 ? "start" : x > width - 20 ? "end" : "middle");
 
 function drawHistograms() {
-  for (const [id, groups, indices] of [
-    ["charts-parameter", ["axis", "label"], all],
-    ["charts-statistic", ["statistic"], complete],
-    ["charts-cost", ["reached"], complete],
+  const statistics = ofGroup("statistic");
+  for (const [id, listed, indices] of [
+    ["charts-parameter", [...ofGroup("axis"), ...ofGroup("label")], all],
+    ["charts-statistic", statistics.filter((column) => column.main), complete],
+    ["charts-more", statistics.filter((column) => !column.main), complete],
+    ["charts-cost", ofGroup("reached"), complete],
   ]) {
-    const varied = groups.flatMap(ofGroup).filter((column) => distinct(column.values).length > 1);
+    const varied = listed.filter((column) => distinct(column.values).length > 1);
     const drawn = varied.map((column) => histogram(column, indices)).filter(Boolean);
     byId(id).replaceChildren(...(drawn.length ? drawn : [make("p", { class: "note" }, "Nothing that varies.")]));
   }
@@ -444,13 +446,18 @@ function sweptText(index) {
   return ofGroup("axis").map((column) => `${column.name} ${show(column.values[index])}`).join(", ");
 }
 
+function attemptsOf(index) {
+  const { attempts } = data.failures[index];
+  return attempts === 1 ? "1 attempt" : `${attempts} attempts`;
+}
+
 function drawFailures() {
   const failed = all.filter((index) => data.status[index] === "failed");
   const rows = failed.map((index) => [
-    sampleLink(index, failed), data.failures[index].reason, String(data.failures[index].attempts), sweptText(index),
+    sampleLink(index, failed), data.failures[index].reason, attemptsOf(index), sweptText(index),
   ]);
   byId("failure-list").replaceChildren(
-    failed.length ? table(["", "reason", "attempts", "at"], rows) : make("p", { class: "note" }, "None."),
+    failed.length ? table(["", "reason", "after", "at"], rows) : make("p", { class: "note" }, "None."),
   );
 }
 
@@ -478,7 +485,8 @@ function drawSample() {
   byId("sample-title").textContent = `Sample ${opened}${place}`;
   byId("previous").disabled = at <= 0;
   byId("next").disabled = at >= walked.length - 1;
-  const code = make("code", {}, data.command.replaceAll("{index}", opened));
+  const words = data.command.replaceAll("{index}", opened).split(" ");
+  const code = make("code", {}, ...words.flatMap((word) => [make("span", {}, word), " "]));
   const about = make(
     "div",
     {},
@@ -506,8 +514,7 @@ function pictureOf(index) {
 
 function stateOf(index) {
   if (data.status[index] === "failed") {
-    const { reason, attempts } = data.failures[index];
-    return [make("h3", {}, `Failed after ${attempts} attempts`), make("p", {}, reason)];
+    return [make("h3", {}, `Failed after ${attemptsOf(index)}`), make("p", {}, data.failures[index].reason)];
   }
   if (data.status[index] === "missing") return [make("p", { class: "note" }, "This sample is not rendered yet.")];
   const folder = `data/${columns.get("split").values[index]}/${String(index).padStart(6, "0")}`;
@@ -533,7 +540,7 @@ function valuesOf(groups, constants) {
 async function copy(code, button) {
   getSelection().selectAllChildren(code);
   try {
-    await navigator.clipboard.writeText(code.textContent);
+    await navigator.clipboard.writeText(code.textContent.trim());
     button.textContent = "Copied";
   } catch {
     button.textContent = "Selected";  // where the browser keeps the clipboard from pages of the file system

@@ -93,10 +93,9 @@ def test_truncated_and_deleted_files_are_named(folder, name):
 
 def test_a_sample_that_is_gone_is_missed(folder):
     shutil.rmtree(folder / SAMPLE)
-    found = {finding.name: finding for finding in findings(folder)}
-    assert found[SAMPLE].kind is Kind.DAMAGED
-    assert found[SAMPLE].sample == 2
-    assert found["data/train"].found == "1 of 16 samples are missing: 2"
+    (found,) = findings(folder)
+    assert (found.kind, found.name, found.sample) == (Kind.DAMAGED, SAMPLE, 2)
+    assert found.expected == "the sample, as index.parquet says"
 
 
 def test_an_unfinished_dataset_is_incomplete_and_not_damaged(tmp_path):
