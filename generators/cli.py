@@ -16,7 +16,8 @@ from typer.core import TyperGroup
 
 from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError
 from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
-from generators.commands import check
+from generators.commands import check, validate
+from generators.commands import plan as planning
 from generators.commands.common import (
     EXIT_BAD_INPUT,
     EXIT_CORRUPT,
@@ -26,7 +27,6 @@ from generators.commands.common import (
     Memory,
     Overrides,
     check_choice,
-    count_of,
     fail,
     progress_bar,
     start_warp,
@@ -40,14 +40,18 @@ if TYPE_CHECKING:
 
     from fgf_warp.features import Reason
     from fgf_warp.result import RenderResult
-    from fgf_warp.scene import Medium, Scene
+    from fgf_warp.scene import Scene
     from fgf_warp.theory.law import LineVariance
     from generators.config import LoadedConfig
     from generators.pictures import Picture
     from generators.plan import Plan
     from usd_scenes.reader import Frame
 
+<<<<<<< HEAD
+=======
+PHASE_PARAMETERS = ("back_asymmetry", "back_weight", "draine_alpha")
 PLAN_ROWS = 20
+>>>>>>> hc
 WARNINGS_SHOWN = 5
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option; it has no public name."""
@@ -249,63 +253,6 @@ app.command()(generate)
 
 
 @app.command()
-def plan(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="The dataset's YAML file.")],
-    overrides: Overrides = None,
-) -> None:
-    """Show the samples of a dataset without rendering any.
-
-    \b
-    Example:
-      fgf plan configs/quickstart.yaml --set "axes.S_w={logspace: [0.01, 10, 4]}"
-    """  # noqa: D301
-    _, made, warnings = _plan(config, overrides, "cpu")
-    warn(warnings)
-    _print_plan(made)
-
-
-@app.command()
-def validate(
-    path: Annotated[Path, typer.Argument(metavar="STAGE_OR_CONFIG", help="A USD file, or a dataset's YAML file.")],
-) -> None:
-    """Check a stage or a config and say what is in it.
-
-    Of a stage it tells everything that is wrong, by USD's own validators and by those of FGF-Warp, one line each. Where
-    there is an error, the exit code is 2.
-
-    \b
-    Example:
-      fgf validate usd_scenes/stages/cloud_block.usda
-    """  # noqa: D301
-    if path.suffix.lower() in (".yaml", ".yml"):
-        loaded, made, warnings = _plan(path, None, "cpu")
-        settings, swept = made.settings, ", ".join(loaded.config.axes) or "nothing"
-        typer.echo(f"{path}: {len(made.samples)} samples, sweeping {swept}, of {loaded.scene_path}")
-        _print_scene(made.scene, settings.width, settings.height)
-        warn(warnings)
-        return
-    from generators.stage import load_scene  # noqa: PLC0415
-    from usd_scenes.validation import validate_stage  # noqa: PLC0415
-
-    findings = validate_stage(path)
-    for finding in findings:
-        typer.echo(finding)
-    counts = {kind: sum(finding.severity == kind for finding in findings) for kind in ("error", "warning")}
-    typer.echo(f"{path}: {count_of(counts['error'], 'error')}, {count_of(counts['warning'], 'warning')}")
-    try:
-        base = load_scene(path)
-    except FgfError:
-        if not counts["error"]:
-            raise
-        typer.echo("not accepted by the renderer")
-    else:
-        _print_scene(base.scene, base.width, base.height)
-        warn(base.warnings)
-    if counts["error"]:
-        raise typer.Exit(EXIT_BAD_INPUT)
-
-
-@app.command()
 def law(
     hurst: Annotated[float, typer.Option("--H", help="Hurst exponent; -0.5 is white noise.")],
     mean_extinction: Annotated[float, typer.Option("--sigma_m", help="Mean extinction [1/length].")],
@@ -447,6 +394,10 @@ app.command()(export)
 app.command()(check.verify)
 app.command()(check.status)
 app.command()(check.report)
+app.command()(planning.plan)
+app.command()(planning.init)
+app.command()(planning.schema)
+app.command()(validate.validate)
 
 
 def main() -> None:
@@ -545,6 +496,27 @@ def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
         typer.echo(f"wrote {file}")
 
 
+<<<<<<< HEAD
+def _print_report(report: Report, contact_sheet: Path, max_depth: int) -> None:
+    for index, reason in report.failures:
+        typer.echo(f"error: sample {index}: {reason}", err=True)
+    rendered = report.finished - report.reused
+    reused = f", {report.reused} from earlier runs" if report.reused else ""
+    typer.echo(f"{rendered} of {report.total} samples rendered{reused}, in {report.seconds:.1f} s")
+    typer.echo(f"dataset        {report.folder}")
+    typer.echo(f"contact sheet  {contact_sheet}")
+    if report.truncated_paths:
+        share = report.truncated_samples / report.finished
+        warn(
+            [
+                f"{report.truncated_paths} paths in {report.truncated_samples} of {report.finished} samples "
+                f"({share:.2g} of all) were cut after {max_depth} scattering events, so their images are a little "
+                "too dark; the labels' column truncated says which, and a higher preset cuts later"
+            ]
+        )
+    if report.interrupted:
+        typer.echo(f"stopped at {report.finished} of {report.total}; the same command goes on from here", err=True)
+=======
 def _print_plan(made: Plan) -> None:
     from rich.console import Console  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
@@ -569,6 +541,7 @@ def _print_plan(made: Plan) -> None:
         f"{settings.width} x {settings.height} pixels, {settings.spp} samples per pixel, {channels} channels: "
         f"at most about {size / 1e6:,.3g} MB"
     )
+>>>>>>> hc
 
 
 def _print_reasons(reasons: Sequence[Reason]) -> None:
@@ -581,6 +554,8 @@ def _print_reasons(reasons: Sequence[Reason]) -> None:
     Console(markup=False, highlight=False).print(table)
 
 
+<<<<<<< HEAD
+=======
 def _print_scene(scene: Scene, width: int, height: int) -> None:
     typer.echo(f"image   {width} x {height} pixels, {scene.meters_per_unit:g} m per unit")
     typer.echo(f"camera  {scene.camera.name}")
@@ -595,10 +570,9 @@ def _print_scene(scene: Scene, width: int, height: int) -> None:
 
 def _describe(medium: Medium) -> str:
     from fgf_warp.theory.law import REGIME_NAMES  # noqa: PLC0415
-    from generators.manifest import PHASE_COLUMNS  # noqa: PLC0415
 
     rule = medium.line_law
-    parameters = [f"{name} = {value:g}" for name in PHASE_COLUMNS if (value := getattr(medium, name))]
+    parameters = [f"{name} = {value:g}" for name in PHASE_PARAMETERS if (value := getattr(medium, name))]
     return (
         f"H = {medium.hurst:g}, g = {medium.asymmetry:g}, S_w = {medium.white_noise_scale:g}, "
         f"sigma_m = {rule.mean_extinction:g}; {REGIME_NAMES[rule.regime]}, b = {rule.b:.4g}, kappa = {rule.kappa:.4g}, "
@@ -609,6 +583,7 @@ def _describe(medium: Medium) -> str:
     )
 
 
+>>>>>>> hc
 def _parse_lengths(text: str | None) -> list[float] | None:
     if text is None:
         return None

@@ -6,6 +6,9 @@ import re
 from dataclasses import dataclass
 from typing import Literal, cast
 
+from generators.dataset.plan_table import INDEX, SEED, SPLIT
+from generators.publishing import columns
+
 Kind = Literal["medium", "frame", "camera", "scene", "orbit", "attribute", "variants"]
 MEDIUM_FIELDS = {
     "H": "hurst",
@@ -42,16 +45,7 @@ UNITS = {
 }
 LABELS = ("regime", "b")
 """Columns of the plan that follow from the medium, beside those of `MEDIUM_FIELDS`."""
-RESERVED = frozenset(
-    {
-        "index",
-        "split",
-        "seed",
-        *LABELS,
-        *("status", "spp", "standard_error", "truncated", "nonfinite", "render_seconds", "write_seconds", "worker"),
-        *("attempts", "reason", "file_name", "image", "radiance", "path", "plan", "transmittance", "mean_free_path"),
-    }
-)
+RESERVED = frozenset({INDEX, SPLIT, SEED, *LABELS, *columns.RESERVED})
 """Columns of a dataset that no axis may take."""
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 """What a column may be called."""

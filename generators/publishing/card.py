@@ -44,7 +44,6 @@ def write_card(meta: PlanMeta, index: pa.Table) -> str:
         axes=[(columns[axis.name], _range_of(axis, index)) for axis in meta.axes],
         constants=[f"`{name}` = {value}" for name, value in _constants(meta, index)],
         columns=columns.values(),
-        channels=", ".join(channel_names(frozenset(Aov(name) for name in meta.aovs))),
         citation=CITATION,
         doi=DOI,
     )
@@ -58,6 +57,7 @@ def _facts(meta: PlanMeta, planned: int, complete: int) -> Iterator[tuple[str, s
     yield "images", f"{meta.width} x {meta.height} pixels of float32 radiance, linear Rec.709{views}"
     if meta.aovs:
         yield "further planes", ", ".join(meta.aovs)
+    yield "channels", f"`{'`, `'.join(channel_names(frozenset(Aov(name) for name in meta.aovs)))}`"
     yield "noise", f"bounded by {describe_quality(meta)}; what each sample reached is in the labels"
     yield "scene", f"{meta.scene}, medium `{meta.medium}`" if meta.medium else meta.scene
     device = "the CPU" if meta.device == "cpu" else meta.device.upper()
@@ -186,12 +186,13 @@ The same in all samples: {{ constants | join(", ") }}.
 
 The medium's extinction is a random field, correlated over distance. Its mean is `sigma_m`; its fluctuations are a
 fractional Gaussian field of Hurst exponent `H` and white-noise scale `S_w`. Light that crosses such a medium does not
-fall off exponentially: of a segment with the mean optical depth `u = sigma_m t`, the mean transmittance is
+fall off exponentially: of a segment of length `t`, with the mean optical depth `u`, the mean transmittance is
 
-$$
-\\mathrm{Tr}(u) = \\exp\\left(-u\\,\\frac{\\log(1 + y)}{y}\\right), \\qquad
-y = \\kappa\\,u^{b}, \\qquad b = \\min(1 + 2H,\\ 1).
-$$
+```
+Tr(u) = exp(-u log(1 + y) / y)
+
+u = sigma_m t       y = kappa u^b       b = min(1 + 2 H, 1)
+```
 
 - **`H`** says how far the fluctuations reach. At -1/2 they are white noise and the falloff is exponential; towards 0
   (pink noise) and above (fractional Brownian motion, which needs an outer scale `L`) clumps grow and the medium clears;
@@ -243,7 +244,7 @@ import OpenImageIO as oiio
 
 image = oiio.ImageInput.open(labels.exr.iloc[0])
 pixels = image.read_image("float")
-names = image.spec().channelnames  # in any order: {{ channels }}
+names = image.spec().channelnames  # in any order
 ```
 
 Shards for training over a network, after `fgf export webdataset . --out ../shards`:

@@ -25,6 +25,8 @@ THUMBNAIL_WIDTH, MANY, THUMBNAIL_WIDTH_OF_MANY = 256, 60, 160
 """[pixel] Widest thumbnail of a sheet, and of one with many samples."""
 ASPECT = 1.5
 """Width over height that a sheet aims at."""
+LABEL_WIDTH = 280
+"""[pixel] Widest label beside a row."""
 MARGIN, GAP, GROUP_GAP, LABEL_GAP = 40, 10, 18, 14
 TITLE_SIZE, SUBTITLE_SIZE, LABEL_SIZE, CAPTION_SIZE = 32, 17, 17, 14
 BACKGROUND = (0.105, 0.11, 0.12)
@@ -207,14 +209,15 @@ def _draw_labels(
     y = top - len(layout.columns) * _line(LABEL_SIZE) - 4
     for level, span in zip(layout.columns, _spans(layout.columns), strict=True):
         for start in range(0, layout.column_count, span):
-            label = level.labels[start // span % len(level.labels)]
+            wide = xs[start + span - 1] + cell.width - xs[start]
+            label = _fitted(level.labels[start // span % len(level.labels)], LABEL_SIZE, wide)
             middle = (xs[start] + xs[start + span - 1] + cell.width) // 2
             canvas.text(left + middle - text_width(label, LABEL_SIZE) // 2, y, label, LABEL_SIZE, LABEL_COLOR)
         y += _line(LABEL_SIZE)
     x = MARGIN
     for level, span in zip(layout.rows, _spans(layout.rows), strict=True):
         for start in range(0, layout.row_count, span):
-            label = level.labels[start // span % len(level.labels)]
+            label = _fitted(level.labels[start // span % len(level.labels)], LABEL_SIZE, LABEL_WIDTH)
             middle = (ys[start] + ys[start + span - 1] + cell.image_height) // 2
             canvas.text(x, top + middle - LABEL_SIZE // 2, label, LABEL_SIZE, LABEL_COLOR)
         x += _level_width(level)
@@ -227,13 +230,17 @@ def _spans(levels: Sequence[Level]) -> list[int]:
 
 
 def _level_width(level: Level) -> int:
-    return max(text_width(label, LABEL_SIZE) for label in level.labels) + LABEL_GAP
+    return min(LABEL_WIDTH, max(text_width(label, LABEL_SIZE) for label in level.labels)) + LABEL_GAP
 
 
 def _title(meta: PlanMeta, index: pa.Table, shown: int) -> tuple[str, str]:
     """The name of the dataset, and a line on what is shown of it."""
     count = index.num_rows
-    samples = f"{count:,} samples" if shown == count else f"{shown:,} of {count:,} samples, evenly spaced"
+    samples = (
+        f"{count:,} sample{'' if count == 1 else 's'}"
+        if shown == count
+        else f"{shown:,} of {count:,} samples, evenly spaced"
+    )
     absent = count - index[STATUS].to_pylist().count(COMPLETE)
     parts = [samples, meta.scene, f"{meta.width} × {meta.height}", describe_quality(meta), f"seed {meta.seed}"]
     if absent:
@@ -252,15 +259,23 @@ def _shown(value: float | str | None) -> str:
 
 
 def _wrap(parts: Sequence[str], width: int) -> list[str]:
-    """Joins the parts into as few lines as fit the width; a part that alone is too wide keeps its own."""
-    lines = [parts[0]]
+    """Joins the parts into as few lines as fit the width."""
+    lines = [_fitted(parts[0], CAPTION_SIZE, width)]
     for part in parts[1:]:
         longer = f"{lines[-1]}   {part}"
         if text_width(longer, CAPTION_SIZE) <= width:
             lines[-1] = longer
         else:
-            lines.append(part)
+            lines.append(_fitted(part, CAPTION_SIZE, width))
     return lines
+
+
+def _fitted(words: str, size: int, width: int) -> str:
+    """The words, or as much of their end as fits: of a path or the name of a file, that tells the most."""
+    shown = words
+    while text_width(shown, size) > width and len(shown) > 4:
+        shown = f"...{shown[4:]}"
+    return shown
 
 
 def _line(size: int) -> int:

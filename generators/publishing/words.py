@@ -21,10 +21,10 @@ def describe(meta: PlanMeta) -> str:
 
 
 def describe_quality(meta: PlanMeta) -> str:
-    """What bounds each sample's render: ``64 spp``, ``relative error 2 %``, or several."""
-    words = {
-        "spp": lambda value: f"{value:g} spp",
+    """What bounds each sample's render: ``64 spp``, or ``relative error 2 %, at most 4096 spp``."""
+    bounds = {
         "target_error": lambda value: f"relative error {100 * value:g} %",
         "time": lambda value: f"{value:g} s",
+        "spp": lambda value: f"{'at most ' if len(meta.quality) > 1 else ''}{value:g} spp",
     }
-    return ", ".join(words[name](value) for name, value in meta.quality.items() if name in words)
+    return ", ".join(words(meta.quality[name]) for name, words in bounds.items() if name in meta.quality)

@@ -1,58 +1,89 @@
+"""One picture of a dataset, laid out along its axes."""
+
+import itertools
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio  # noqa: N813
+import pyarrow as pa
 import pytest
 
+from fgf_warp.errors import CorruptFileError
+from fgf_warp.output.drawing import text_width
 from fgf_warp.output.exr import write_exr
-from generators import contact_sheet
-from generators.config import SweepConfig
-from generators.manifest import exr_name
-from generators.plan import build_plan
+from fgf_warp.settings import RenderSettings
+from generators.dataset import layout
+from generators.dataset.plan_table import AxisMeta, write_plan
+from generators.dataset.reader import Dataset
+from generators.dataset.record import Record, Timing, encode, file_entry
+from generators.dataset.store import Store
+from generators.publishing import contact_sheet
+from generators.publishing.index import build_index
+from tests.generators.made_up import META
 from tests.renders import made_up_render
-from tests.scenes import furnace
+
+H = AxisMeta("H", "H", (-0.5, -0.4, -0.25))
+G = AxisMeta("g", "g", (0.0, 0.5))
+DRAWN = AxisMeta("S_w", "S_w", None)
+LOOK = AxisMeta("look", "/World{look}", ("bright", "dim"), category=True)
 
 
-def sheet_of(tmp_path, missing=(), width=64, height=48, **keys):
-    """The plan, and the pixels of the sheet of its made-up images."""
-    config = SweepConfig.model_validate({"name": "trial", "scene": "s", "spp": 1, **keys})
-    plan = build_plan(config, furnace(), width, height)
-    (tmp_path / "images").mkdir()
-    for sample in plan.samples:
-        if sample.index not in missing:
-            write_exr(tmp_path / exr_name(sample), made_up_render(replace(plan.settings, seed=sample.seed)))
-    contact_sheet.write_contact_sheet(tmp_path / "sheet.png", plan, tmp_path)
-    return plan, oiio.ImageInput.open(str(tmp_path / "sheet.png")).read_image("uint8")
+def grid_of(*axes):
+    """A row for each combination of the axes' values."""
+    names = [axis.name for axis in axes]
+    return [dict(zip(names, values, strict=True)) for values in itertools.product(*(axis.values for axis in axes))]
+
+
+def dataset_of(folder, axes, rows, width=16, height=12, missing=(), rendered=True):
+    """A dataset of pictures of noise."""
+    meta = replace(META, name="trial", axes=tuple(axes), width=width, height=height, aovs=())
+    store, count = Store(folder), len(rows)
+    columns = {axis.name: [row[axis.name] for row in rows] for axis in axes}
+    fixed = {"index": range(count), "split": ["train"] * count, "seed": pa.array(range(count), pa.uint64())}
+    store.write(layout.PLAN, write_plan(meta, pa.table({**fixed, **columns})))
+    for index in set(range(count)) - set(missing) if rendered else ():
+        render = made_up_render(RenderSettings(width=width, height=height, spp=1, seed=index, aovs=frozenset()))
+        with tempfile.TemporaryDirectory() as temporary:
+            write_exr(Path(temporary, layout.RADIANCE), render)
+            exr = Path(temporary, layout.RADIANCE).read_bytes()
+        record = Record(index, meta.digest, 1, 0.1, 0, 0, files={layout.RADIANCE: file_entry(exr)})
+        files = {layout.RADIANCE: exr, layout.RECORD: encode(record), layout.TIMING: encode(Timing(1, 1, "w", 1))}
+        store.commit(layout.sample_folder("train", index), files)
+    return Dataset(folder)
+
+
+def draw(dataset):
+    return contact_sheet.draw_contact_sheet(dataset, build_index(dataset))
+
+
+def layout_of(dataset, shape=(192, 256)):
+    return contact_sheet._choose_layout(dataset.meta, build_index(dataset), shape)
+
+
+def places_of(picture, pixels):
+    """Where the sheet shows a picture: the tops and lefts."""
+    height, width, _ = picture.shape
+    corners = np.argwhere((pixels[: -height + 1, : -width + 1] == picture[0, 0]).all(axis=2))
+    return [(y, x) for y, x in corners if (pixels[y : y + height, x : x + width] == picture).all()]
 
 
 def test_first_axis_runs_down_and_last_across(tmp_path):
-    plan, pixels = sheet_of(tmp_path, axes={"H": [-0.5, -0.4, -0.25], "g": [0.0, 0.5]}, width=256, height=64)
-    layout = contact_sheet._choose_layout(plan, (64, 256))
-    assert (layout.row_count, layout.column_count) == (3, 2)
-    assert [level.labels for level in layout.rows] == [("H = -0.5", "H = -0.4", "H = -0.25")]
-    assert [level.labels for level in layout.columns] == [("g = 0", "g = 0.5")]
-    assert pixels.shape[1] >= 2 * 256
-    assert pixels.shape[0] >= 3 * 64
-
-
-def test_size_of_the_sheet_follows_from_its_parts(tmp_path):
-    _, pixels = sheet_of(tmp_path, axes={"H": [-0.5, -0.4], "g": [0.0, 0.5, 0.7]})
-    margin, gap, thumbnail = contact_sheet.MARGIN, contact_sheet.GAP, (4 * 48, 4 * 64)
-    label = pixels.shape[1] - 2 * margin - 3 * thumbnail[1] - 2 * gap
-    assert 50 < label < 110  # of 'H = -0.5'
-    header = pixels.shape[0] - 2 * margin - 2 * thumbnail[0] - gap
-    assert 2 * 18 < header < 160  # two captions, the title, its line, the columns' labels
+    dataset = dataset_of(tmp_path, [H, G], grid_of(H, G), width=64, height=32)
+    found = layout_of(dataset)
+    assert (found.row_count, found.column_count) == (3, 2)
+    assert [level.labels for level in found.rows] == [("H = -0.5", "H = -0.4", "H = -0.25")]
+    assert [level.labels for level in found.columns] == [("g = 0", "g = 0.5")]
 
 
 def test_every_thumbnail_is_the_image_it_stands_for(tmp_path):
-    plan, pixels = sheet_of(tmp_path, axes={"g": [0.0, 0.5], "H": [-0.5, -0.4]}, width=256, height=32)
+    dataset = dataset_of(tmp_path, [G, LOOK], grid_of(G, LOOK), width=64, height=32)
+    pixels = draw(dataset)
     found = []
-    for sample in plan.samples:
-        picture = contact_sheet._thumbnail(tmp_path / exr_name(sample), plan)
-        corners = np.argwhere((pixels[: -picture.shape[0] + 1, : -picture.shape[1] + 1] == picture[0, 0]).all(axis=2))
-        places = [
-            (y, x) for y, x in corners if (pixels[y : y + picture.shape[0], x : x + picture.shape[1]] == picture).all()
-        ]
+    for index in range(4):
+        picture = contact_sheet._thumbnail(dataset, index, 256)
+        assert picture.shape == (128, 256, 3)
+        places = places_of(picture, pixels)
         assert len(places) == 1
         found += places
     (y0, x0), (y1, x1), (y2, x2), (y3, x3) = found
@@ -60,32 +91,84 @@ def test_every_thumbnail_is_the_image_it_stands_for(tmp_path):
     assert x0 == x2 < x1 == x3
 
 
+def test_size_of_the_sheet_follows_from_its_parts(tmp_path):
+    pixels = draw(dataset_of(tmp_path, [H, G], grid_of(H, G)))
+    margin, gap = contact_sheet.MARGIN, contact_sheet.GAP
+    label = pixels.shape[1] - 2 * margin - 2 * 256 - gap
+    assert 50 < label < 110  # of 'H = -0.25'
+    header = pixels.shape[0] - 2 * margin - 3 * 192 - 2 * gap
+    assert 3 * 18 < header < 180  # three captions, the title, its line, the columns' labels
+
+
 def test_missing_images_stay_empty(tmp_path):
-    _, pixels = sheet_of(tmp_path, axes={"g": [0.0, 0.5], "H": [-0.5, -0.4]}, missing={3})
+    pixels = draw(dataset_of(tmp_path, [H, G], grid_of(H, G), missing=(3,)))
     empty = np.rint(255 * np.array(contact_sheet.EMPTY)).astype(np.uint8)
     # A few pixels at the edges of letters happen to have the same colour.
-    assert 0 <= (np.abs(pixels.astype(int) - empty).max(axis=2) <= 1).sum() - 4 * 48 * 4 * 64 < 100
+    assert 0 <= (np.abs(pixels.astype(int) - empty).max(axis=2) <= 1).sum() - 192 * 256 < 100
+
+
+def test_combinations_that_a_constraint_excludes_leave_their_place_blank(tmp_path):
+    rows = [row for row in grid_of(H, G) if row["H"] < -0.3 or row["g"] > 0]
+    found = layout_of(dataset_of(tmp_path, [H, G], rows))
+    assert found.indices == (0, 1, 2, 3, None, 4)
+    draw(Dataset(tmp_path))
+
+
+def test_zipped_axes_flow(tmp_path):
+    other = AxisMeta("g", "g", (0.1, 0.2, 0.3))
+    rows = [{"H": hurst, "g": asymmetry} for hurst, asymmetry in zip(H.values, other.values, strict=True)]
+    found = layout_of(dataset_of(tmp_path, [H, other], rows))
+    assert (found.indices, found.rows, found.columns) == ((0, 1, 2), (), ())
+
+
+def test_draws_of_one_combination_lie_side_by_side(tmp_path):
+    rows = [{**row, "S_w": draw} for row in grid_of(H) for draw in (0.1, 0.7)]
+    found = layout_of(dataset_of(tmp_path, [H, DRAWN], rows))
+    assert found.indices == tuple(range(6))
+    assert [level.labels for level in found.columns] == [("draw 1", "draw 2")]
 
 
 @pytest.mark.parametrize(
-    ("axes", "draws", "count"),
-    [({}, 1, 1), ({}, 7, 7), ({"H": [-0.5]}, 1, 1), ({"S_w": {"uniform": [0, 1]}}, 5, 5), ({"H": [-0.4, -0.3]}, 3, 6)],
+    ("axes", "rows"),
+    [
+        ((), [{}]),
+        ((), [{}] * 7),
+        ((H,), grid_of(H)),
+        ((DRAWN,), [{"S_w": 0.1 * i} for i in range(5)]),
+        ((LOOK, G), grid_of(LOOK, G)),
+    ],
 )
-def test_sheets_of_few_or_random_axes(tmp_path, axes, draws, count):
-    plan, pixels = sheet_of(tmp_path, axes=axes, draws=draws, width=16, height=16)
-    layout = contact_sheet._choose_layout(plan, (256, 256))
-    assert layout.indices == tuple(range(count))
-    assert layout.row_count * layout.column_count >= count
-    assert pixels.shape[1] >= layout.column_count * 256
+def test_sheets_of_few_drawn_or_named_axes(tmp_path, axes, rows):
+    dataset = dataset_of(tmp_path, axes, rows)
+    found = layout_of(dataset)
+    assert found.indices == tuple(range(len(rows)))
+    assert draw(dataset).shape[1] >= found.column_count * 256
 
 
-def test_large_datasets_show_an_evenly_spaced_part_and_say_so():
-    config = SweepConfig.model_validate(
-        {"name": "a", "scene": "s", "axes": {"g": {"linspace": [-0.9, 0.9, 50]}, "H": [-0.5, -0.4]}, "draws": 10}
-    )
-    plan = build_plan(config, furnace(), 64, 48)
-    layout = contact_sheet._choose_layout(plan, (48, 64))
-    assert len(layout.indices) == contact_sheet.THUMBNAILS_MAX
-    assert layout.indices[0] == 0
-    assert {b - a for a, b in zip(layout.indices, layout.indices[1:], strict=False)} == {4, 5}
-    assert contact_sheet._subtitle(plan, len(layout.indices)).startswith("240 of 1,000 samples, evenly spaced")
+def test_large_datasets_show_an_evenly_spaced_part_and_say_so(tmp_path):
+    axes = (AxisMeta("H", "H", tuple(range(100))), AxisMeta("g", "g", tuple(range(10))))
+    dataset = dataset_of(tmp_path, axes, grid_of(*axes), rendered=False)
+    found = layout_of(dataset, (48, 64))
+    assert len(found.indices) == contact_sheet.THUMBNAILS_MAX
+    assert found.indices[0] == 0
+    assert {b - a for a, b in itertools.pairwise(found.indices)} == {4, 5}
+    _, below = contact_sheet._title(dataset.meta, build_index(dataset), len(found.indices))
+    assert below.startswith("240 of 1,000 samples, evenly spaced  ·  1,000 not there")
+
+
+def test_long_names_are_cut_to_their_place():
+    name = "scene = ../a/folder/of/many/stages/cloud_block.usda"
+    short = contact_sheet._fitted(name, 17, 150)
+    assert text_width(short, 17) <= 150
+    assert short.startswith("...")
+    assert short.endswith("block.usda")
+    assert contact_sheet._fitted("g = 0", 17, 150) == "g = 0"
+    assert contact_sheet._wrap([name, "g 0.5"], 150)[-1] == "g 0.5"
+
+
+def test_a_damaged_image_is_named(tmp_path):
+    dataset = dataset_of(tmp_path, [G], grid_of(G))
+    name = f"{dataset.folders[1]}/{layout.RADIANCE}"
+    dataset.store.write(name, dataset.store.read(name)[:200])
+    with pytest.raises(CorruptFileError, match=name):
+        draw(dataset)
