@@ -25,7 +25,6 @@ from generators.commands.common import (
     EXIT_UNEXPECTED,
     Device,
     Memory,
-    Overrides,
     check_choice,
     fail,
     progress_bar,
@@ -47,11 +46,6 @@ if TYPE_CHECKING:
     from generators.plan import Plan
     from usd_scenes.reader import Frame
 
-<<<<<<< HEAD
-=======
-PHASE_PARAMETERS = ("back_asymmetry", "back_weight", "draine_alpha")
-PLAN_ROWS = 20
->>>>>>> hc
 WARNINGS_SHOWN = 5
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option; it has no public name."""
@@ -496,52 +490,6 @@ def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
         typer.echo(f"wrote {file}")
 
 
-<<<<<<< HEAD
-def _print_report(report: Report, contact_sheet: Path, max_depth: int) -> None:
-    for index, reason in report.failures:
-        typer.echo(f"error: sample {index}: {reason}", err=True)
-    rendered = report.finished - report.reused
-    reused = f", {report.reused} from earlier runs" if report.reused else ""
-    typer.echo(f"{rendered} of {report.total} samples rendered{reused}, in {report.seconds:.1f} s")
-    typer.echo(f"dataset        {report.folder}")
-    typer.echo(f"contact sheet  {contact_sheet}")
-    if report.truncated_paths:
-        share = report.truncated_samples / report.finished
-        warn(
-            [
-                f"{report.truncated_paths} paths in {report.truncated_samples} of {report.finished} samples "
-                f"({share:.2g} of all) were cut after {max_depth} scattering events, so their images are a little "
-                "too dark; the labels' column truncated says which, and a higher preset cuts later"
-            ]
-        )
-    if report.interrupted:
-        typer.echo(f"stopped at {report.finished} of {report.total}; the same command goes on from here", err=True)
-=======
-def _print_plan(made: Plan) -> None:
-    from rich.console import Console  # noqa: PLC0415
-    from rich.table import Table  # noqa: PLC0415
-
-    from fgf_warp.output.exr import channel_names  # noqa: PLC0415
-
-    swept = list(made.samples[0].parameters)
-    table = Table("index", *swept, "regime", "b", "kappa", "transport", title=made.name)
-    for sample in made.samples[:PLAN_ROWS]:
-        rule = sample.medium.line_law
-        values = [f"{sample.parameters[name]:.6g}" for name in swept]
-        numbers = [f"{rule.b:.4g}", f"{rule.kappa:.4g}", sample.medium.resolved_transport]
-        table.add_row(str(sample.index), *values, rule.regime, *numbers)
-    console = Console()
-    console.print(table)
-    settings = made.settings
-    channels = len(channel_names(settings.aovs))
-    size = len(made.samples) * settings.width * settings.height * (4 * channels + (3 if made.png else 0))
-    hidden = max(0, len(made.samples) - PLAN_ROWS)
-    console.print(f"{len(made.samples)} samples{f', the first {PLAN_ROWS} shown' if hidden else ''}")
-    console.print(
-        f"{settings.width} x {settings.height} pixels, {settings.spp} samples per pixel, {channels} channels: "
-        f"at most about {size / 1e6:,.3g} MB"
-    )
->>>>>>> hc
 
 
 def _print_reasons(reasons: Sequence[Reason]) -> None:
@@ -554,36 +502,6 @@ def _print_reasons(reasons: Sequence[Reason]) -> None:
     Console(markup=False, highlight=False).print(table)
 
 
-<<<<<<< HEAD
-=======
-def _print_scene(scene: Scene, width: int, height: int) -> None:
-    typer.echo(f"image   {width} x {height} pixels, {scene.meters_per_unit:g} m per unit")
-    typer.echo(f"camera  {scene.camera.name}")
-    for medium in scene.media:
-        typer.echo(f"medium  {medium.name}: {_describe(medium)}")
-    for shape in scene.shapes:
-        inside = f", filled with {scene.media[shape.medium].name}" if shape.medium is not None else ""
-        typer.echo(f"shape   {shape.name}: {getattr(shape, 'kind', 'mesh')}{inside}")
-    for light in scene.lights:
-        typer.echo(f"light   {light.name}: {type(light).__name__}")
-
-
-def _describe(medium: Medium) -> str:
-    from fgf_warp.theory.law import REGIME_NAMES  # noqa: PLC0415
-
-    rule = medium.line_law
-    parameters = [f"{name} = {value:g}" for name in PHASE_PARAMETERS if (value := getattr(medium, name))]
-    return (
-        f"H = {medium.hurst:g}, g = {medium.asymmetry:g}, S_w = {medium.white_noise_scale:g}, "
-        f"sigma_m = {rule.mean_extinction:g}; {REGIME_NAMES[rule.regime]}, b = {rule.b:.4g}, kappa = {rule.kappa:.4g}, "
-        f"{medium.resolved_transport} transport, {medium.phase_function} phase function"
-        + (f" ({', '.join(parameters)})" if parameters else "")
-        + (f", L = {medium.outer_scale:g}" if medium.outer_scale is not None else "")
-        + (", exact line variance" if rule.exact_fbm else "")
-    )
-
-
->>>>>>> hc
 def _parse_lengths(text: str | None) -> list[float] | None:
     if text is None:
         return None
