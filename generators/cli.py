@@ -41,12 +41,9 @@ if TYPE_CHECKING:
     from fgf_warp.result import RenderResult
     from fgf_warp.scene import Scene
     from fgf_warp.theory.law import LineVariance
-    from generators.config import LoadedConfig
     from generators.pictures import Picture
-    from generators.plan import Plan
     from usd_scenes.reader import Frame
 
-WARNINGS_SHOWN = 5
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option; it has no public name."""
 
@@ -442,37 +439,6 @@ def _choose_aovs(names: list[str] | None) -> frozenset[Aov] | None:
     return frozenset(Aov(name) for name in names)
 
 
-def _plan(path: Path, overrides: list[str] | None, device: str) -> tuple[LoadedConfig, Plan, list[str]]:
-    """The config, its plan, and what a user should know about them."""
-    from generators.config import load_config  # noqa: PLC0415
-    from generators.plan import build_plan  # noqa: PLC0415
-    from generators.stage import load_scene  # noqa: PLC0415
-
-    loaded = load_config(path, overrides or ())
-    config = loaded.config
-    base = load_scene(
-        loaded.scene_path,
-        camera=config.camera,
-        frame=config.frame,
-        width=config.image.width,
-        height=config.image.height,
-    )
-    made = build_plan(config, base.scene, base.width, base.height, device)
-    return loaded, made, [*base.warnings, *_sample_warnings(made)]
-
-
-def _sample_warnings(made: Plan) -> list[str]:
-    """Of the media of the samples: each once, and no more of them than one reads."""
-    first: dict[str, int] = {}
-    for sample in made.samples:
-        for warning in made.scene.medium_warnings(made.medium_index, sample.medium):
-            first.setdefault(warning, sample.index)
-    shown = [f"sample {index}: {warning}" for warning, index in first.items()]
-    if len(shown) > WARNINGS_SHOWN:
-        shown[WARNINGS_SHOWN:] = [f"and {len(shown) - WARNINGS_SHOWN} more such warnings"]
-    return shown
-
-
 def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
     typer.echo(
         f"{result.seconds:.2f} s, {result.samples_per_second:.4g} samples/s, {result.samples} samples per pixel, "
@@ -488,8 +454,6 @@ def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
         )
     for file in files:
         typer.echo(f"wrote {file}")
-
-
 
 
 def _print_reasons(reasons: Sequence[Reason]) -> None:
