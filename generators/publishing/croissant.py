@@ -49,6 +49,12 @@ FILES = {
     ),
     layout.PLAN: ("plan", "What each sample is to be: its parameters and its seed.", PARQUET),
     layout.CONFIG: ("config", "What the plan was made from.", "application/yaml"),
+    layout.CARD: ("card", "What a person should know of the dataset.", "text/markdown"),
+    layout.CONTACT_SHEET: ("contact-sheet", "All samples, or some of many, in one picture.", "image/png"),
+    **{
+        layout.split_metadata(split): (f"{split}-labels", f"Labels of the complete samples of {split}.", PARQUET)
+        for split in layout.SPLITS
+    },
 }
 """The files that the metadata has hashes of: name, description and kind."""
 SPLIT_URLS = {"train": "cr:TrainingSplit", "validation": "cr:ValidationSplit", "test": "cr:TestSplit"}

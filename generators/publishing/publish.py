@@ -29,10 +29,11 @@ def publish(dataset: Dataset) -> None:
     index = build_index(dataset)
     _write_labels(dataset, index)
     dataset.store.write(layout.INDEX, parquet_bytes(index))
-    files = {name: dataset.store.read(name) for name in FILES if dataset.store.exists(name)}
-    dataset.store.write(layout.CROISSANT, write_croissant(dataset.meta, index, files))
     dataset.store.write(layout.CONTACT_SHEET, _contact_sheet(dataset, index))
     dataset.store.write(layout.CARD, write_card(dataset.meta, index).encode())
+    # The last, since it has the hashes of the others.
+    files = {name: dataset.store.read(name) for name in FILES if dataset.store.exists(name)}
+    dataset.store.write(layout.CROISSANT, write_croissant(dataset.meta, index, files))
 
 
 def _write_labels(dataset: Dataset, index: pa.Table) -> None:
