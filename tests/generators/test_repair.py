@@ -101,7 +101,7 @@ def test_a_sample_that_is_gone_comes_back(folder):
 
 def test_samples_of_different_depth_come_back_as_deep(tmp_path):
     """With an error to aim at, each sample has its own number of samples per pixel, reached in several rounds."""
-    data = make(tmp_path / "data", tmp_path, "spp=null", "quality={target_error: 0.05, max_spp: 512}")
+    data = make(tmp_path / "data", tmp_path, "spp=null", "quality={target_error: 0.03, max_spp: 512}")
     spp = pq.read_table(data / "index.parquet")["spp"].to_pylist()
     assert len(set(spp)) > 1
     before = content(data)
