@@ -224,7 +224,7 @@ def _recipe(loaded: LoadedConfig, sweep: Sweep) -> Recipe:
         path = loaded.file(name)
         if path.name in stages:
             raise loaded.error(("axes",), f"two stages are called {path.name}; accepted: files of different names")
-        stages[path.name] = str(path)
+        stages[path.name] = str(path.absolute())  # A worker may start in another folder.
     return Recipe(
         stages=stages,
         targets={axis.name: axis.target for axis in sweep.axes if axis.target.kind != "medium"},
@@ -282,7 +282,7 @@ def _read(
         found = ConfigError(f"sample {index}: with {described(parameters[index])}: {error}")
         if isinstance(error, EditError):
             for axis in sweep.axes:
-                if f"{axis.target}: " in str(error):
+                if axis.target.prim and f"{axis.target}: " in str(error):
                     raise loaded.error(("axes", axis.key), str(found)) from error
         raise found from error
 
