@@ -16,6 +16,8 @@ from typer.core import TyperGroup
 
 from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError
 from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
+from generators.commands import plan as planning
+from generators.commands import validate
 from generators.commands.common import (
     EXIT_BAD_INPUT,
     EXIT_CORRUPT,
@@ -23,9 +25,7 @@ from generators.commands.common import (
     EXIT_UNEXPECTED,
     Device,
     Memory,
-    Overrides,
     check_choice,
-    count_of,
     fail,
     progress_bar,
     start_warp,
@@ -39,16 +39,11 @@ if TYPE_CHECKING:
 
     from fgf_warp.features import Reason
     from fgf_warp.result import RenderResult
-    from fgf_warp.scene import Medium, Scene
+    from fgf_warp.scene import Scene
     from fgf_warp.theory.law import LineVariance
-    from generators.config import LoadedConfig
     from generators.pictures import Picture
-    from generators.plan import Plan
     from usd_scenes.reader import Frame
 
-PHASE_PARAMETERS = ("back_asymmetry", "back_weight", "draine_alpha")
-PLAN_ROWS = 20
-WARNINGS_SHOWN = 5
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option; it has no public name."""
 
@@ -249,63 +244,6 @@ app.command()(generate)
 
 
 @app.command()
-def plan(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="The dataset's YAML file.")],
-    overrides: Overrides = None,
-) -> None:
-    """Show the samples of a dataset without rendering any.
-
-    \b
-    Example:
-      fgf plan configs/quickstart.yaml --set "axes.S_w={logspace: [0.01, 10, 4]}"
-    """  # noqa: D301
-    _, made, warnings = _plan(config, overrides, "cpu")
-    warn(warnings)
-    _print_plan(made)
-
-
-@app.command()
-def validate(
-    path: Annotated[Path, typer.Argument(metavar="STAGE_OR_CONFIG", help="A USD file, or a dataset's YAML file.")],
-) -> None:
-    """Check a stage or a config and say what is in it.
-
-    Of a stage it tells everything that is wrong, by USD's own validators and by those of FGF-Warp, one line each. Where
-    there is an error, the exit code is 2.
-
-    \b
-    Example:
-      fgf validate usd_scenes/stages/cloud_block.usda
-    """  # noqa: D301
-    if path.suffix.lower() in (".yaml", ".yml"):
-        loaded, made, warnings = _plan(path, None, "cpu")
-        settings, swept = made.settings, ", ".join(loaded.config.axes) or "nothing"
-        typer.echo(f"{path}: {len(made.samples)} samples, sweeping {swept}, of {loaded.scene_path}")
-        _print_scene(made.scene, settings.width, settings.height)
-        warn(warnings)
-        return
-    from generators.stage import load_scene  # noqa: PLC0415
-    from usd_scenes.validation import validate_stage  # noqa: PLC0415
-
-    findings = validate_stage(path)
-    for finding in findings:
-        typer.echo(finding)
-    counts = {kind: sum(finding.severity == kind for finding in findings) for kind in ("error", "warning")}
-    typer.echo(f"{path}: {count_of(counts['error'], 'error')}, {count_of(counts['warning'], 'warning')}")
-    try:
-        base = load_scene(path)
-    except FgfError:
-        if not counts["error"]:
-            raise
-        typer.echo("not accepted by the renderer")
-    else:
-        _print_scene(base.scene, base.width, base.height)
-        warn(base.warnings)
-    if counts["error"]:
-        raise typer.Exit(EXIT_BAD_INPUT)
-
-
-@app.command()
 def law(
     hurst: Annotated[float, typer.Option("--H", help="Hurst exponent; -0.5 is white noise.")],
     mean_extinction: Annotated[float, typer.Option("--sigma_m", help="Mean extinction [1/length].")],
@@ -446,6 +384,12 @@ def stability(
 app.command()(export)
 
 
+app.command()(planning.plan)
+app.command()(planning.init)
+app.command()(planning.schema)
+app.command()(validate.validate)
+
+
 def main() -> None:
     """Entry point of the console script."""
     app()
@@ -494,37 +438,6 @@ def _choose_aovs(names: list[str] | None) -> frozenset[Aov] | None:
     return frozenset(Aov(name) for name in names)
 
 
-def _plan(path: Path, overrides: list[str] | None, device: str) -> tuple[LoadedConfig, Plan, list[str]]:
-    """The config, its plan, and what a user should know about them."""
-    from generators.config import load_config  # noqa: PLC0415
-    from generators.plan import build_plan  # noqa: PLC0415
-    from generators.stage import load_scene  # noqa: PLC0415
-
-    loaded = load_config(path, overrides or ())
-    config = loaded.config
-    base = load_scene(
-        loaded.scene_path,
-        camera=config.camera,
-        frame=config.frame,
-        width=config.image.width,
-        height=config.image.height,
-    )
-    made = build_plan(config, base.scene, base.width, base.height, device)
-    return loaded, made, [*base.warnings, *_sample_warnings(made)]
-
-
-def _sample_warnings(made: Plan) -> list[str]:
-    """Of the media of the samples: each once, and no more of them than one reads."""
-    first: dict[str, int] = {}
-    for sample in made.samples:
-        for warning in made.scene.medium_warnings(made.medium_index, sample.medium):
-            first.setdefault(warning, sample.index)
-    shown = [f"sample {index}: {warning}" for warning, index in first.items()]
-    if len(shown) > WARNINGS_SHOWN:
-        shown[WARNINGS_SHOWN:] = [f"and {len(shown) - WARNINGS_SHOWN} more such warnings"]
-    return shown
-
-
 def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
     typer.echo(
         f"{result.seconds:.2f} s, {result.samples_per_second:.4g} samples/s, {result.samples} samples per pixel, "
@@ -542,32 +455,6 @@ def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
         typer.echo(f"wrote {file}")
 
 
-def _print_plan(made: Plan) -> None:
-    from rich.console import Console  # noqa: PLC0415
-    from rich.table import Table  # noqa: PLC0415
-
-    from fgf_warp.output.exr import channel_names  # noqa: PLC0415
-
-    swept = list(made.samples[0].parameters)
-    table = Table("index", *swept, "regime", "b", "kappa", "transport", title=made.name)
-    for sample in made.samples[:PLAN_ROWS]:
-        rule = sample.medium.line_law
-        values = [f"{sample.parameters[name]:.6g}" for name in swept]
-        numbers = [f"{rule.b:.4g}", f"{rule.kappa:.4g}", sample.medium.resolved_transport]
-        table.add_row(str(sample.index), *values, rule.regime, *numbers)
-    console = Console()
-    console.print(table)
-    settings = made.settings
-    channels = len(channel_names(settings.aovs))
-    size = len(made.samples) * settings.width * settings.height * (4 * channels + (3 if made.png else 0))
-    hidden = max(0, len(made.samples) - PLAN_ROWS)
-    console.print(f"{len(made.samples)} samples{f', the first {PLAN_ROWS} shown' if hidden else ''}")
-    console.print(
-        f"{settings.width} x {settings.height} pixels, {settings.spp} samples per pixel, {channels} channels: "
-        f"at most about {size / 1e6:,.3g} MB"
-    )
-
-
 def _print_reasons(reasons: Sequence[Reason]) -> None:
     from rich.console import Console  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
@@ -576,33 +463,6 @@ def _print_reasons(reasons: Sequence[Reason]) -> None:
     for reason in reasons:
         table.add_row(reason.part, "yes" if reason.built else "-", reason.why)
     Console(markup=False, highlight=False).print(table)
-
-
-def _print_scene(scene: Scene, width: int, height: int) -> None:
-    typer.echo(f"image   {width} x {height} pixels, {scene.meters_per_unit:g} m per unit")
-    typer.echo(f"camera  {scene.camera.name}")
-    for medium in scene.media:
-        typer.echo(f"medium  {medium.name}: {_describe(medium)}")
-    for shape in scene.shapes:
-        inside = f", filled with {scene.media[shape.medium].name}" if shape.medium is not None else ""
-        typer.echo(f"shape   {shape.name}: {getattr(shape, 'kind', 'mesh')}{inside}")
-    for light in scene.lights:
-        typer.echo(f"light   {light.name}: {type(light).__name__}")
-
-
-def _describe(medium: Medium) -> str:
-    from fgf_warp.theory.law import REGIME_NAMES  # noqa: PLC0415
-
-    rule = medium.line_law
-    parameters = [f"{name} = {value:g}" for name in PHASE_PARAMETERS if (value := getattr(medium, name))]
-    return (
-        f"H = {medium.hurst:g}, g = {medium.asymmetry:g}, S_w = {medium.white_noise_scale:g}, "
-        f"sigma_m = {rule.mean_extinction:g}; {REGIME_NAMES[rule.regime]}, b = {rule.b:.4g}, kappa = {rule.kappa:.4g}, "
-        f"{medium.resolved_transport} transport, {medium.phase_function} phase function"
-        + (f" ({', '.join(parameters)})" if parameters else "")
-        + (f", L = {medium.outer_scale:g}" if medium.outer_scale is not None else "")
-        + (", exact line variance" if rule.exact_fbm else "")
-    )
 
 
 def _parse_lengths(text: str | None) -> list[float] | None:

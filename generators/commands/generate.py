@@ -21,6 +21,7 @@ from generators.commands.common import (
     start_warp,
     warn,
 )
+from generators.commands.plan import make_plan
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -74,15 +75,12 @@ def generate(
       fgf generate sweep.yaml --shard 0/4            on the first of four machines that share a folder
       fgf generate sweep.yaml --executor slurm --workers 32 --cores 4 --slurm partition=cpu --slurm time=240
     """  # noqa: D301
-    from generators.planning.document import load_config  # noqa: PLC0415
-    from generators.planning.plan import build_plan  # noqa: PLC0415
     from generators.running import run  # noqa: PLC0415
     from generators.running.shard import Shard  # noqa: PLC0415
 
     asked = run.Workers(executor, workers, cores, _slurm_parameters(slurm or []))
     part = Shard.parse(shard)
-    loaded = load_config(config, overrides or ())
-    plan = build_plan(loaded, device)
+    loaded, plan = make_plan(config, overrides, device)
     plan = replace(plan, settings=replace(plan.settings, memory=memory))
     location = out or loaded.config.output or f"datasets/{loaded.config.name}"
     if executor == "local":
@@ -90,7 +88,7 @@ def generate(
     warn(plan.warnings)
     with _shown_progress() as (show, begun):
         try:
-            text = loaded.text_for(None if "://" in location else Path(location)).encode()
+            text = loaded.to_bytes(None if "://" in location else Path(location))
             report = run.generate(plan, text, location, shard=part, workers=asked, on_progress=show)
         except OutputError as error:
             if not begun():

@@ -73,8 +73,8 @@ class LoadedConfig:
         there = _keys_in(self.document, keys)
         return ConfigError(f"{_origin(there, self.path, self.document, self.overridden)}: {_joined(keys)}: {text}")
 
-    def text_for(self, folder: Path | None) -> str:
-        """The config in force, so that it works from another folder.
+    def to_bytes(self, folder: Path | None) -> bytes:
+        """The config in force as the content of a file, from where it works again.
 
         Args:
             folder: where it is to be written; None where that is no folder of this machine, and names of stages stay
@@ -88,9 +88,9 @@ class LoadedConfig:
                 listed = document["axes"][axis]
                 names = listed if isinstance(listed, CommentedSeq) else listed["values"]
                 names[:] = [self._seen_from(folder, name) for name in names]
-        text = io.StringIO()
-        YAML().dump(document, text)
-        return text.getvalue()
+        content = io.BytesIO()
+        YAML().dump(document, content)
+        return content.getvalue()
 
     @property
     def scene_axes(self) -> tuple[str, ...]:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-import math
-from collections.abc import Hashable, Iterable, Mapping
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 
 from fgf_warp import __version__
@@ -19,6 +15,7 @@ from fgf_warp.settings import RenderSettings
 from generators.dataset.layout import sample_name
 from generators.dataset.plan_table import INDEX, SEED, SPLIT, AxisMeta, PlanMeta, write_plan
 from generators.planning.config import SweepConfig
+from generators.planning.digest import content_hash
 from generators.planning.document import LoadedConfig
 from generators.planning.resolve import Axis, Sweep, resolve, touches_medium
 from generators.planning.sampling import (
@@ -33,6 +30,7 @@ from generators.planning.scenes import Key, Recipe, SceneReader
 from generators.planning.targets import MEDIUM_FIELDS
 from generators.stage import BaseScene
 
+Progress = Callable[[int, int], None]
 PHASE_PARAMETERS = ("back_asymmetry", "back_weight", "draine_alpha")
 WARNINGS_SHOWN = 5
 
@@ -47,6 +45,7 @@ class Sample:
         parameters: values of the axes, by column, in their order.
         seed: of the render, in [0, 2^64).
         medium: the swept one with its parameters; None where the scene has none.
+        scene: hash of its scene, up to the swept medium.
     """
 
     index: int
@@ -54,6 +53,7 @@ class Sample:
     parameters: Mapping[str, float | str]
     seed: int
     medium: Medium | None
+    scene: str
 
     @property
     def name(self) -> str:
@@ -89,9 +89,12 @@ class Plan:
         """The scene of the sample's group; the last few that were asked for are kept.
 
         Raises:
-            FgfError: where the stage is no longer there or accepted.
+            FgfError: where the stage is no longer there, accepted or what it was when the plan was made.
         """
-        return self.scenes.read(self.scenes.recipe.key(sample.parameters)).scene
+        base, found = self.scenes.read(self.scenes.recipe.key(sample.parameters))
+        if found != sample.scene:
+            raise SceneError(f"{base.scene.source}: has changed since the plan was made")
+        return base.scene
 
     def media_of(self, sample: Sample) -> tuple[Medium, ...]:
         """The scene's media with the sample's in its place."""
@@ -105,12 +108,13 @@ class Plan:
         return write_plan(self.meta, plan_table(self))
 
 
-def build_plan(loaded: LoadedConfig, device: str = "cpu") -> Plan:
+def build_plan(loaded: LoadedConfig, device: str = "cpu", progress: Progress | None = None) -> Plan:
     """Lists the samples and checks every one.
 
     Args:
         loaded: the dataset's config.
         device: to render on. CPU and CUDA round differently, so a dataset is made on one kind.
+        progress: called with the number of scenes read, and of all.
 
     Raises:
         ConfigError: for axes that contradict each other or the stage, or a sample out of the law's domain, by index
@@ -125,10 +129,12 @@ def build_plan(loaded: LoadedConfig, device: str = "cpu") -> Plan:
     except ConfigError as error:
         raise loaded.error(("splits",), str(error)) from error
     scenes = SceneReader(_recipe(loaded, sweep))
-    survey = _survey(loaded, sweep, scenes, parameters)
+    survey = _survey(loaded, sweep, scenes, parameters, progress or (lambda done, total: None))
     samples = tuple(
-        Sample(index, split, values, sample_seed(config.seed, index), medium)
-        for index, (split, values, medium) in enumerate(zip(splits, parameters, survey.media, strict=True))
+        Sample(index, split, values, sample_seed(config.seed, index), medium, scene)
+        for index, (split, values, medium, scene) in enumerate(
+            zip(splits, parameters, survey.media, survey.scenes, strict=True)
+        )
     )
     settings = config.render_settings(*survey.size, device)
     meta = _meta(loaded, sweep, survey, settings, scenes.recipe)
@@ -162,11 +168,10 @@ def plan_table(plan: Plan) -> pa.Table:
     for axis in plan.meta.axes:
         kind = pa.string() if axis.category else pa.float64()
         columns[axis.name] = (kind, [sample.parameters[axis.name] for sample in plan.samples])
-    rows = [_labels(sample.medium) for sample in plan.samples if sample.medium is not None]
-    for name in rows[0] if rows else ():
-        if name not in columns:
-            kind = pa.string() if isinstance(rows[0][name], str) else pa.float64()
-            columns[name] = (kind, [row[name] for row in rows])
+    rows = [{} if sample.medium is None else _labels(sample.medium) for sample in plan.samples]
+    first = next(filter(None, rows), {})
+    for name in (name for name in first if name not in columns):
+        columns[name] = (pa.string() if isinstance(first[name], str) else pa.float64(), [row.get(name) for row in rows])
     return pa.table({name: pa.array(values, kind) for name, (kind, values) in columns.items()})
 
 
@@ -198,7 +203,7 @@ class _Survey:
     Args:
         size: of the images [pixel].
         media: the swept medium of every sample.
-        scenes: hash of every scene, in the order of its first sample.
+        scenes: hash of the scene of every sample.
         warnings: of scenes and media.
     """
 
@@ -219,7 +224,7 @@ def _recipe(loaded: LoadedConfig, sweep: Sweep) -> Recipe:
         path = loaded.file(name)
         if path.name in stages:
             raise loaded.error(("axes",), f"two stages are called {path.name}; accepted: files of different names")
-        stages[path.name] = str(path)
+        stages[path.name] = str(path.absolute())  # A worker may start in another folder.
     return Recipe(
         stages=stages,
         targets={axis.name: axis.target for axis in sweep.axes if axis.target.kind != "medium"},
@@ -231,36 +236,42 @@ def _recipe(loaded: LoadedConfig, sweep: Sweep) -> Recipe:
     )
 
 
-def _survey(loaded: LoadedConfig, sweep: Sweep, scenes: SceneReader, parameters: list[Parameters]) -> _Survey:
+def _survey(
+    loaded: LoadedConfig, sweep: Sweep, scenes: SceneReader, parameters: list[Parameters], progress: Progress
+) -> _Survey:
     """Reads the scene of each group once, and makes the media of its samples."""
     groups: dict[Key, list[int]] = {}
     for index, values in enumerate(parameters):
         groups.setdefault(scenes.recipe.key(values), []).append(index)
     media: list[Medium | None] = [None] * len(parameters)
     sizes: dict[tuple[int, int], int] = {}
-    hashes, of_scenes, of_media = [], dict[str, None](), dict[str, int]()
-    for key, indices in groups.items():
-        base = _read(loaded, sweep, scenes, key, indices[0], parameters)
+    hashes = [""] * len(parameters)
+    of_scenes, of_media = dict[str, None](), dict[str, int]()
+    for read, (key, indices) in enumerate(groups.items(), start=1):
+        base, found = _read(loaded, sweep, scenes, key, indices[0], parameters)
         sizes.setdefault((base.width, base.height), indices[0])
-        hashes.append(_hash(_canonical(base.scene)))
+        progress(read, len(groups))
         of_scenes |= dict.fromkeys(base.warnings)
         place = _medium_index(loaded, sweep, base.scene)
-        if place is None:
-            continue
         for index in indices:
+            hashes[index] = found
+            if place is None:
+                continue
             media[index] = medium = _medium(loaded, sweep, base.scene, place, index, parameters[index])
             for warning in base.scene.medium_warnings(place, medium):
                 of_media.setdefault(warning, index)
     if len(sizes) > 1:
         found = " and ".join(f"{width} x {height} (sample {index})" for (width, height), index in sizes.items())
         raise ConfigError(f"{loaded.path}: images of {found}; accepted: one size, as by image.width and image.height")
+    idle = _idle(scenes, list(groups))
+    scenes.close()
     told = [f"sample {index}: {warning}" for warning, index in of_media.items()]
-    return _Survey(next(iter(sizes)), tuple(media), tuple(hashes), (*of_scenes, *_few(told)))
+    return _Survey(next(iter(sizes)), tuple(media), tuple(hashes), (*of_scenes, *idle, *_few(told)))
 
 
 def _read(
     loaded: LoadedConfig, sweep: Sweep, scenes: SceneReader, key: Key, index: int, parameters: list[Parameters]
-) -> BaseScene:
+) -> tuple[BaseScene, str]:
     try:
         return scenes.read(key)
     except FgfError as error:
@@ -314,12 +325,38 @@ def _medium(loaded: LoadedConfig, sweep: Sweep, scene: Scene, place: int, index:
         changes["albedo"] = tuple(albedo)
     try:
         medium = replace(base, **changes)
+        _check_lengths(config, medium)
         if medium.line_variance == "exact":
             # Refused where the medium is too large for its law.
             scene.with_medium(place, medium)
     except SceneError as error:
         raise ConfigError(f"sample {index}: {error}") from error
     return medium
+
+
+def _check_lengths(config: SweepConfig, medium: Medium) -> None:
+    """Refuses a transmittance curve that goes on where the law ends."""
+    if config.targets.transmittance:
+        longest, reach = max(config.targets.transmittance.grid_values()), medium.line_law.longest_segment()
+        if longest > reach:  # type: ignore[operator]
+            raise SceneError(f"targets.transmittance: t = {longest:g}; accepted: at most {reach:g}, where the law ends")
+
+
+def _idle(scenes: SceneReader, keys: Sequence[Key]) -> list[str]:
+    """Warnings of axes that leave the first scene as it is, as a light that is off would."""
+    found = []
+    for place, (name, target) in enumerate(scenes.recipe.targets.items()):
+        others = [key[place] for key in keys if key[place] != keys[0][place]]
+        if others and target.kind in ("attribute", "variants"):
+            changed = (*keys[0][:place], others[0], *keys[0][place + 1 :])
+            try:
+                has_changed = scenes.read(changed)[1] != scenes.read(keys[0])[1]
+            except FgfError:
+                continue  # No such sample is planned.
+            if not has_changed:
+                values = f"{described({name: keys[0][place]})} and {described({name: others[0]})}"
+                found.append(f"axis {name}: with {values} the scene is the same")
+    return found
 
 
 def _few(warnings: list[str]) -> list[str]:
@@ -335,7 +372,7 @@ def _meta(loaded: LoadedConfig, sweep: Sweep, survey: _Survey, settings: RenderS
     names = {medium.name: None for medium in survey.media if medium is not None}
     targets: dict[str, Any] = {}
     if config.targets.transmittance:
-        targets["transmittance"] = list(config.targets.transmittance.grid_values())
+        targets["transmittance"] = {"t": list(config.targets.transmittance.grid_values())}
     if config.targets.mean_free_path:
         targets["mean_free_path"] = True
     return PlanMeta(
@@ -374,36 +411,11 @@ def _digest(
     kept = asdict(settings)
     for execution in ("threads", "memory", "seed", "device"):
         del kept[execution]
-    return _hash(
+    return content_hash(
         {
             "meta": rest,
             "settings": {**kept, "aovs": sorted(settings.aovs)},
-            "scenes": survey.scenes,
             "medium": [config.transport, config.line_variance],
-            "samples": [[sample.split, *sample.parameters.values(), sample.seed] for sample in samples],
+            "samples": [[sample.split, *sample.parameters.values(), sample.seed, sample.scene] for sample in samples],
         }
     )
-
-
-def _hash(content: Any) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def _canonical(value: Any) -> Any:
-    """A JSON-ready form in which equal content is equal text; arrays by their hash."""
-    if isinstance(value, np.ndarray):
-        array = np.ascontiguousarray(value)
-        return [str(array.dtype), array.shape, hashlib.sha256(array.tobytes()).hexdigest()]
-    if is_dataclass(value):
-        # Where the scene was read from does not change a pixel.
-        named = {
-            field.name: _canonical(getattr(value, field.name)) for field in fields(value) if field.name != "source"
-        }
-        return {"type": type(value).__name__, **named}
-    if isinstance(value, Mapping):
-        return {str(key): _canonical(item) for key, item in value.items()}
-    if isinstance(value, tuple | list):
-        return [_canonical(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return repr(value)
-    return value

@@ -15,6 +15,7 @@ import numpy as np
 from fgf_warp.errors import ConfigError
 from fgf_warp.scene import Camera
 from generators.planning.config import OrbitConfig
+from generators.planning.digest import canonical, content_hash
 from generators.planning.targets import Target
 from generators.stage import BaseScene, load_scene
 
@@ -116,8 +117,8 @@ class SceneReader:
     def __reduce__(self) -> tuple[type[SceneReader], tuple[Recipe]]:
         return SceneReader, (self.recipe,)
 
-    def read(self, key: Key) -> BaseScene:
-        """The scene of a key of `Recipe.key`; may be called from any thread.
+    def read(self, key: Key) -> tuple[BaseScene, str]:
+        """The scene of a key of `Recipe.key`, and its hash; may be called from any thread.
 
         Raises:
             FgfError: where the stage is not accepted, or not with these values.
@@ -125,8 +126,16 @@ class SceneReader:
         with self._lock:
             return self._scene(key)
 
-    def _read(self, key: Key) -> BaseScene:
-        return self.recipe.put_camera(self._stage(self.recipe.stage_key(key)), key)
+    def close(self) -> None:
+        """Closes the stages: what changes in their files is seen when they are opened again."""
+        with self._lock:
+            self._open = None
+            self._stage.cache_clear()
+            self._scene.cache_clear()
+
+    def _read(self, key: Key) -> tuple[BaseScene, str]:
+        base = self.recipe.put_camera(self._stage(self.recipe.stage_key(key)), key)
+        return base, content_hash(canonical(base.scene))
 
     def _read_stage(self, stage_key: Key) -> BaseScene:
         from usd_scenes.reader import OpenStages  # noqa: PLC0415 - USD is slow to import

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, cast
 
 from generators.dataset.plan_table import INDEX, SEED, SPLIT
-from generators.publishing.columns import RESERVED as PUBLISHED
+from generators.publishing import columns
 
 Kind = Literal["medium", "frame", "camera", "scene", "orbit", "attribute", "variants"]
 MEDIUM_FIELDS = {
@@ -45,7 +45,7 @@ UNITS = {
 }
 LABELS = ("regime", "b")
 """Columns of the plan that follow from the medium, beside those of `MEDIUM_FIELDS`."""
-RESERVED = frozenset({INDEX, SPLIT, SEED, *LABELS, *PUBLISHED, "worker", "attempts", "reason", "path", "plan"})
+RESERVED = frozenset({INDEX, SPLIT, SEED, *LABELS, *columns.RESERVED})
 """Columns of a dataset that no axis may take."""
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 """What a column may be called."""

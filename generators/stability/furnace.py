@@ -23,7 +23,7 @@ from fgf_warp.renderer import Model, Variant, advance, batches, begin, develop
 from fgf_warp.result import RenderResult
 from fgf_warp.scene import Camera, DistantLight, DomeLight, Medium, Scene, Solid
 from fgf_warp.settings import Aov, RenderSettings, Sampler
-from generators.plan import sample_seed
+from generators.planning.sampling import sample_seed
 from generators.stability.measurement import Axis, Measurement, Value
 from generators.stability.parameters import shorten_refusal
 

@@ -591,7 +591,7 @@ def test_validate_tells_all_that_is_wrong(tmp_path):
     assert verdict == "not accepted by the renderer"
 
 
-@pytest.mark.parametrize("command", ["render", "generate", "plan", "validate", "law"])
+@pytest.mark.parametrize("command", ["render", "generate", "plan", "init", "schema", "validate", "law"])
 def test_help_of_every_command_has_an_example(command):
     outcome = fgf(command, "--help")
     assert outcome.exit_code == 0

@@ -10,7 +10,7 @@ import pytest
 from fgf_warp.renderer import render
 from fgf_warp.scene import Camera, DistantLight, DomeLight, Medium, Scene, Solid, Surface
 from fgf_warp.settings import USUAL_AOVS, Aov, RenderSettings
-from generators.config import AovName
+from generators.planning.config import AovName
 from tests import stats
 from tests.scenes import transform
 
