@@ -20,8 +20,8 @@ axes:
   g: {{linspace: [-0.5, 0.5, 3]}}
 """
 TEXT = CONFIG.encode()
-TOLD_APART_BY_TIME = {"index.parquet", "metadata.parquet", "croissant.json"}
-"""Files that hold, or hash, how long renders took."""
+NOT_EQUAL = {"index.parquet", "metadata.parquet", "croissant.json", "timing.json", "config.yaml"}
+"""Files that hold, or hash, how long renders took; and the config, which holds the way to the stage."""
 
 
 def write_config(folder: Path) -> Path:
@@ -41,9 +41,7 @@ def content(location: Path) -> dict[str, bytes]:
     return {
         str(path.relative_to(location)): path.read_bytes()
         for path in sorted(location.rglob("*"))
-        if path.is_file()
-        and path.name not in {*TOLD_APART_BY_TIME, "timing.json"}
-        and path.relative_to(location).parts[0] != "run"
+        if path.is_file() and path.name not in NOT_EQUAL and path.relative_to(location).parts[0] != "run"
     }
 
 
