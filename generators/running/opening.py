@@ -42,6 +42,8 @@ def opened(plan: Plan, config: bytes | None, store: Store, shard: Shard) -> Iter
         OutputError: where nothing can be written.
     """
     indices = samples_of(plan, shard)
+    # What is not this dataset's does not even get a lock.
+    _refuse_other_content(plan, store)
     with ExitStack() as held:
         with sole(store):
             _refuse_other_content(plan, store)

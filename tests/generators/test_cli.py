@@ -12,8 +12,9 @@ from fgf_warp.errors import NumericalError, OutputError
 from fgf_warp.features import explain
 from fgf_warp.output.exr import read_exr
 from fgf_warp.settings import Aov, RenderSettings, Sampler
-from generators import run
 from generators.cli import app
+from generators.dataset.reader import Dataset
+from generators.dataset.store import Store
 from tests.renders import made_up_render
 from tests.scenes import furnace
 from usd_scenes.reader import StageReading
@@ -427,7 +428,7 @@ def test_render_of_samples_that_are_not_finite_writes_nothing(tmp_path, stage, f
 
 
 def test_generate_makes_a_dataset(tmp_path, config_path, fake_renderer):
-    outcome = fgf("generate", config_path, "--out", tmp_path / "data", "--set", "axes.H=[-0.3]", "--workers", 2)
+    outcome = fgf("generate", config_path, "--out", tmp_path / "data", "--set", "axes.H=[-0.3]", "--workers", 1)
     assert outcome.exit_code == 0, outcome.output
     assert "3 of 3 samples rendered" in outcome.stdout
     assert str(tmp_path / "data" / "contact_sheet.png") in outcome.stdout
@@ -443,7 +444,7 @@ def test_generate_goes_on_with_another_memory(tmp_path, config_path, fake_render
 
     monkeypatch.setattr(fgf_warp.renderer, "render", render)
     assert fgf("generate", config_path, "--out", tmp_path / "data").exit_code == 0
-    (tmp_path / "data" / "run" / "000001.json").unlink()
+    Store(tmp_path / "data").remove("data/train/000001")
     outcome = fgf("generate", config_path, "--out", tmp_path / "data", "--memory", 0.25)
     assert outcome.exit_code == 0, outcome.output
     assert "1 of 6 samples rendered, 5 from earlier runs" in outcome.stdout
@@ -508,14 +509,16 @@ def test_generate_on_a_full_disk_is_partial(tmp_path, config_path, fake_renderer
     def fail(*_):
         raise OutputError("000000.exr: cannot be written: No space left on device")
 
-    monkeypatch.setattr(run, "write_exr", fail)
+    monkeypatch.setattr(Store, "commit", fail)
     assert_refused(fgf("generate", config_path, "--out", tmp_path / "data"), "No space left", code=3)
+    monkeypatch.undo()
+    assert Dataset(tmp_path / "data").complete() == []
 
 
 def test_generate_reports_damage(tmp_path, config_path, fake_renderer):
     assert fgf("generate", config_path, "--out", tmp_path / "data").exit_code == 0
-    (tmp_path / "data" / "images" / "000001.exr").write_bytes(b"")
-    assert_refused(fgf("generate", config_path, "--out", tmp_path / "data"), "000001.exr", code=4)
+    (tmp_path / "data" / "data" / "train" / "000001" / "record.json").write_bytes(b"")
+    assert_refused(fgf("generate", config_path, "--out", tmp_path / "data"), "000001/record.json", code=4)
 
 
 @pytest.mark.parametrize(
@@ -537,6 +540,30 @@ def test_bad_configs_are_refused_before_anything_is_written(
     monkeypatch.chdir(tmp_path)
     before = sorted(tmp_path.rglob("*"))
     assert_refused(fgf(command, config_path, "--set", override), message)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_generate_makes_shards(tmp_path, config_path, fake_renderer):
+    outcomes = [fgf("generate", config_path, "--out", tmp_path / "data", "--shard", f"{i}/2") for i in range(2)]
+    assert [outcome.exit_code for outcome in outcomes] == [0, 0]
+    assert "3 of 3 samples rendered" in outcomes[1].stdout
+    assert Dataset(tmp_path / "data").complete() == list(range(6))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--shard", "2/2"), "shard 2/2: accepted: i/n with 0 <= i < n"),
+        (("--executor", "dask"), "executor dask: accepted: local, ray, slurm"),
+        (("--workers", "0"), "workers = 0; accepted: an integer >= 1"),
+        (("--cores", "0"), "cores = 0; accepted: an integer >= 1"),
+        (("--slurm", "partition"), "--slurm partition: accepted: KEY=VALUE"),
+        (("--out", "nowhere://bucket"), "nowhere"),
+    ],
+)
+def test_generate_refuses_workers_that_cannot_be(tmp_path, config_path, fake_renderer, options, message):
+    before = sorted(tmp_path.rglob("*"))
+    assert_refused(fgf("generate", config_path, "--out", tmp_path / "data", *options), message)
     assert sorted(tmp_path.rglob("*")) == before
 
 
