@@ -164,3 +164,16 @@ def test_a_dataset_that_a_run_is_at_work_on_is_left_alone(folder):
     assert "half-written" not in looked.stdout
     assert outcome.exit_code == 2
     assert "a run is under way in this folder, on shard 0/1" in outcome.stderr
+
+
+def test_a_single_sample_is_rendered_again_elsewhere(folder, tmp_path):
+    """By the command that the report shows."""
+    command = ["generate", str(folder / "config.yaml"), "--sample", "2", "--out", str(tmp_path / "again")]
+    outcome = CliRunner().invoke(app, command)
+    assert outcome.exit_code == 0, outcome.output
+    assert Dataset(tmp_path / "again").complete() == [2]
+    for name in ("radiance.exr", "image.png", "record.json"):
+        assert (tmp_path / "again" / SAMPLES[2] / name).read_bytes() == (folder / SAMPLES[2] / name).read_bytes()
+    refused = CliRunner().invoke(app, ["generate", str(folder / "config.yaml"), "--sample", "6"])
+    assert refused.exit_code == 2
+    assert "--sample 6: accepted: 0 to 5" in refused.stderr
