@@ -143,7 +143,7 @@ class SceneData:
     """The one that the only medium fills; used where one does."""
     motions: wp.array(dtype=Motion)
     """Of solids and instances that move."""
-    meshes: Bvh
+    meshes: wp.array(dtype=Bvh)
     surfaces: wp.array(dtype=Surface)
     shading: wp.array(dtype=Shading)
     light_tables: wp.array(dtype=LightTables)
@@ -168,7 +168,7 @@ class SceneData:
     media_center: wp.vec3
     media_radius: float
     """A ball that holds all containers, used where they are not the same."""
-    boundaries: Bvh
+    boundaries: wp.array(dtype=Bvh)
     """Containers that are meshes, without anything on them; used likewise."""
     seeds: wp.array(dtype=wp.uint64)
     """Of each image."""
@@ -180,6 +180,15 @@ class Limits:
 
     max_depth: int
     roulette_depth: int
+
+
+@wp.struct
+class Task:
+    """What a pool of lanes has to do."""
+
+    end_pixel: int
+    first_sample: int
+    end_sample: int
 
 
 @wp.struct
@@ -480,13 +489,18 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func
-    def look_at_meshes(meshes: Bvh, surfaces: wp.array(dtype=Surface), before: Path) -> Path:
+    def hit_of_meshes(trees: wp.array(dtype=Bvh), path: Path) -> Hit:
+        return intersect_meshes(trees, path.origin, path.direction, path.start, path.hit)
+
+    @wp.func(inline=True)
+    def see_mesh(before: Path, hit: Hit, surfaces: wp.array(dtype=Surface)) -> Path:
+        """The path with what it has just hit of the meshes, if it is nearer than all else."""
         path = before
-        path.hit = intersect_meshes(meshes, before.origin, before.direction, before.start, before.hit)
+        path.hit = hit
         if wp.static(has_surfaces and not shades):
-            if path.hit.t < before.hit.t and path.hit.kind == SURFACE:
-                path.albedo = surfaces[path.hit.item].diffuse
-                path.met = surfaces[path.hit.item].emission
+            if hit.t < before.hit.t and hit.kind == SURFACE:
+                path.albedo = surfaces[hit.item].diffuse
+                path.met = surfaces[hit.item].emission
         return path
 
     @wp.func(inline=True)
@@ -1188,11 +1202,11 @@ def build_program(features: RenderFeatures) -> Program:
         return block(before, light_distance(light, kind, before.origin, before.to_light))
 
     @wp.func
-    def block_by_meshes(meshes: Bvh, before: Path) -> Path:
+    def mesh_between(trees: wp.array(dtype=Bvh), path: Path) -> float:
+        """Distance of the mesh that is in the connection's way."""
         nearest = Hit()
-        nearest.t = before.light_distance
-        hit = intersect_meshes(meshes, before.origin, before.to_light, before.start, nearest)
-        return block(before, hit.t)
+        nearest.t = path.light_distance
+        return intersect_meshes(trees, path.origin, path.to_light, path.start, nearest).t
 
     @wp.func(inline=True)
     def dim_by_lone_solid(before: Path, lone: Medium, solid: Solid, kind: int) -> Path:
@@ -1453,7 +1467,7 @@ def build_program(features: RenderFeatures) -> Program:
         if wp.static(has_solids):
             path = look_at_solids(scene, path)
         if wp.static(features.meshes):
-            path = look_at_meshes(scene.meshes, scene.surfaces, path)
+            path = see_mesh(path, hit_of_meshes(scene.meshes, path), scene.surfaces)
         if wp.static(features.intricate_lights):
             path = look_at_lights(scene, path)
         else:
@@ -1518,6 +1532,318 @@ def build_program(features: RenderFeatures) -> Program:
             tally = finish(tally, path, True)
         write_film(film, place, tally)
 
+    # ---- the pool: what a round does with all lanes, stage by stage. Each is a function of its own, for the compiler's
+    # time grows with the square of what it finds in one.
+
+    @wp.func(inline=True)
+    def sums_of(pool: wp.uint64) -> wp.array(dtype=wp.float64):
+        """Of each lane's pixel. Arrays of known layout are what lets the compiler see that lanes are apart."""
+        return wp.array(ptr=pool, shape=(wp.static(sum_count),), dtype=wp.float64)
+
+    @wp.func(inline=True)
+    def lanes_of(pool: wp.uint64) -> wp.array(dtype=float):
+        return wp.array(ptr=pool + wp.uint64(wp.static(8 * sum_count)), shape=(wp.static(pool_floats),), dtype=float)
+
+    @wp.func(inline=True)
+    def bsdfs_of(pool: wp.uint64) -> wp.array(dtype=Bsdf):
+        """Of each lane, the surface that it met."""
+        start = pool + wp.uint64(wp.static(8 * sum_count + 4 * pool_floats))
+        return wp.array(ptr=start, shape=(wp.static(bsdf_count),), dtype=Bsdf)
+
+    @wp.func
+    def empty_lanes(pool: wp.uint64, end_sample: int):
+        lanes = lanes_of(pool)
+        for i in range(LANES):
+            idle = Path()
+            idle.pixel = -1
+            idle.sample = end_sample
+            store(lanes, i, idle)
+
+    @wp.func
+    def track_lanes(pool: wp.uint64, scene: SceneData, end_sample: int):
+        lanes = lanes_of(pool)
+        for i in range(LANES):
+            path = load(lanes, i)
+            if path.alive == 0 and path.sample < end_sample:
+                store(lanes, i, track(scene, path))
+
+    @wp.func
+    def finish_lanes(pool: wp.uint64, end_sample: int) -> int:
+        """Adds complete paths to their pixels; returns how many lanes wait for another pixel."""
+        sums = sums_of(pool)
+        lanes = lanes_of(pool)
+        waiting = int(0)
+        for i in range(LANES):
+            path = load(lanes, i)
+            is_complete = path.alive == 0 and path.sample < end_sample
+            store_tally(sums, i, finish(load_tally(sums, i), path, is_complete))
+        for i in range(LANES):
+            path = load(lanes, i)
+            is_complete = path.alive == 0 and path.sample < end_sample
+            path.sample = path.sample + wp.where(is_complete, 1, 0)
+            waiting += wp.where(path.sample == end_sample, 1, 0)
+            store(lanes, i, path)
+        return waiting
+
+    @wp.func
+    def hand_out_pixels(
+        pool: wp.uint64, film: Film, task: Task, first_place: int, width: int, seed: wp.uint64, next_pixel: int
+    ):
+        """Waiting lanes' pixels go to the film, and they to others; returns the next one, and how many lanes retire."""
+        sums = sums_of(pool)
+        lanes = lanes_of(pool)
+        handed = next_pixel
+        retired = int(0)
+        for i in range(LANES):
+            path = load(lanes, i)
+            if path.sample == task.end_sample:
+                if path.pixel >= 0:
+                    write_film(film, first_place + path.pixel, load_tally(sums, i))
+                if handed < task.end_pixel:
+                    path = go_to_pixel(path, width, seed, handed)
+                    path.sample = task.first_sample
+                    store_tally(sums, i, read_film(film, first_place + handed))
+                    handed += 1
+                else:
+                    path.pixel = -1
+                    path.sample = task.end_sample + 1
+                    retired += 1
+                store(lanes, i, path)
+        return handed, retired
+
+    @wp.func
+    def emit_lanes(pool: wp.uint64, scene: SceneData, lone: Medium, seed: wp.uint64, end_sample: int):
+        lanes = lanes_of(pool)
+        camera = scene.camera
+        for i in range(LANES):
+            path = load(lanes, i)
+            fresh = emit(camera, scene.camera_inside, seed, path)
+            if path.alive == 0 and path.sample < end_sample:
+                store(lanes, i, fresh)
+        if wp.static(features.varied_starts):
+            for i in range(LANES):
+                path = load(lanes, i)
+                if path.alive == 1 and path.bounce == 0:
+                    store(lanes, i, find_start(scene, path))
+        if wp.static(freezes_at_birth):
+            for i in range(LANES):
+                path = load(lanes, i)
+                if path.alive == 1 and path.bounce == 0:
+                    path.rates = draw_rates(scene, path, lone, seed)
+                    store(lanes, i, path)
+
+    @wp.func
+    def fly_lanes(pool: wp.uint64, camera: Camera, lone: Medium, seed: wp.uint64):
+        """Departs, and in a lone medium flies."""
+        lanes = lanes_of(pool)
+        for i in range(LANES):
+            path = load(lanes, i)
+            path = depart(path, seed)
+            if wp.static(looks_up_flights):
+                path = begin_exact_flight(path, lone)
+            elif wp.static(lone_law != ""):
+                path = fly_in_lone_medium(path, lone, seed)
+            if wp.static(opens_eyes_at_once and not looks_up_flights):
+                path = open_eyes(path, camera)
+            store(lanes, i, path)
+
+    @wp.func
+    def look_up_lanes(pool: wp.uint64, camera: Camera, lone: Medium, tables: wp.array(dtype=wp.vec3), seed: wp.uint64):
+        """Ends the flights that are looked up."""
+        lanes = lanes_of(pool)
+        for i in range(LANES):
+            path = load(lanes, i)
+            store(lanes, i, look_up_exact_flight(path, lone, tables))
+        for i in range(LANES):
+            path = load(lanes, i)
+            path = fly_in_lone_medium(path, lone, seed)
+            if wp.static(opens_eyes_at_once):
+                path = open_eyes(path, camera)
+            store(lanes, i, path)
+
+    @wp.func
+    def fly_lanes_anywhere(pool: wp.uint64, scene: SceneData, seed: wp.uint64):
+        lanes = lanes_of(pool)
+        for i in range(LANES):
+            path = load(lanes, i)
+            if path.alive == 1:
+                path = open_eyes(fly_anywhere(scene, path, seed), scene.camera)
+            store(lanes, i, path)
+
+    @wp.func
+    def look_at_lone_solid_in_lanes(pool: wp.uint64, camera: Camera, solid: Solid):
+        lanes = lanes_of(pool)
+        for i in range(LANES):
+            path = load(lanes, i)
+            store(lanes, i, open_eyes(look_at_lone_solid(path, solid, wp.static(lone_kind)), camera))
+
+    @wp.func
+    def look_at_solids_by_lane(pool: wp.uint64, scene: SceneData):
+        lanes = lanes_of(pool)
+        for i in range(LANES):
+            path = load(lanes, i)
+            if path.alive == 1:
+                store(lanes, i, look_at_solids(scene, path))
+
+    @wp.func
+    def look_at_solids_in_lanes(pool: wp.uint64, solids: wp.array(dtype=Solid), surfaces: wp.array(dtype=Surface)):
+        lanes = lanes_of(pool)
+        for s in range(solids.shape[0]):
+            solid = solids[s]
+            for kind in range(wp.static(len(SOLID_KINDS))):
+                if wp.static(kind in solid_kinds):
+                    if wp.static(has_crossings):
+                        if solid.surface < 0 and solid.kind == kind:
+                            for i in range(LANES):
+                                path = load(lanes, i)
+                                store(lanes, i, look_at_boundary(path, solid, kind))
+                    if wp.static(has_surfaces):
+                        if solid.surface >= 0 and solid.kind == kind:
+                            surface = surfaces[solid.surface]
+                            for i in range(LANES):
+                                path = load(lanes, i)
+                                store(lanes, i, look_at_surface(path, solid, kind, surface))
+
+    @wp.func
+    def look_at_meshes_by_lane(pool: wp.uint64, trees: wp.array(dtype=Bvh), surfaces: wp.array(dtype=Surface)):
+        lanes = lanes_of(pool)
+        for i in range(LANES):
+            path = load(lanes, i)
+            if path.alive == 1:
+                hit = hit_of_meshes(trees, path)
+                # Loaded anew after the call: for all that the compiler knows it could change any lane, and all that was
+                # loaded before would be stored again.
+                store(lanes, i, see_mesh(load(lanes, i), hit, surfaces))
+
+    @wp.func
+    def look_at_lights_by_lane(pool: wp.uint64, scene: SceneData):
+        lanes = lanes_of(pool)
+        for i in range(LANES):
+            path = load(lanes, i)
+            if path.alive == 1:
+                store(lanes, i, look_at_lights(scene, path))
+
+    @wp.func
+    def look_at_lights_in_lanes(pool: wp.uint64, lights: wp.array(dtype=Light)):
+        lanes = lanes_of(pool)
+        for k in range(lights.shape[0]):
+            light = lights[k]
+            for kind in range(wp.static(len(LIGHT_KINDS))):
+                if wp.static(kind in shaped_kinds):
+                    if light.kind == kind:
+                        for i in range(LANES):
+                            path = load(lanes, i)
+                            store(lanes, i, look_at_light(path, light, kind, k))
+        if wp.static(features.distant_lights):
+            for k in range(lights.shape[0]):
+                light = lights[k]
+                for i in range(LANES):
+                    path = load(lanes, i)
+                    store(lanes, i, look_beyond(path, light))
+
+    @wp.func
+    def shade_by_lane(pool: wp.uint64, scene: SceneData, seed: wp.uint64):
+        lanes = lanes_of(pool)
+        bsdfs = bsdfs_of(pool)
+        for i in range(LANES):
+            path = load(lanes, i)
+            if path.alive == 1 and reaches_surface(path):
+                path, bsdf = shade(scene, path, seed)
+                bsdfs[i] = bsdf
+                store(lanes, i, path)
+
+    @wp.func
+    def meet_by_lane(pool: wp.uint64, scene: SceneData):
+        lanes = lanes_of(pool)
+        for i in range(LANES):
+            path = load(lanes, i)
+            if path.alive == 1:
+                store(lanes, i, meet(scene, path))
+
+    @wp.func
+    def arrive_in_lanes(pool: wp.uint64, lone: Medium, environment: wp.vec3, camera: Camera, limits: Limits):
+        lanes = lanes_of(pool)
+        for i in range(LANES):
+            path = load(lanes, i)
+            path = arrive(path, lone, environment, camera, limits)
+            if wp.static(connects_in_lanes):
+                path = begin_connection(path, lone)
+            if wp.static(not features.connections):
+                path = go_on(path, limits)
+            store(lanes, i, path)
+
+    @wp.func
+    def connect_by_lane(pool: wp.uint64, scene: SceneData, lone: Medium, seed: wp.uint64):
+        lanes = lanes_of(pool)
+        for i in range(LANES):
+            path = load(lanes, i)
+            if path.scatters != MISS:
+                bsdf = Bsdf()
+                if wp.static(shades):
+                    bsdf = bsdfs_of(pool)[i]
+                store(lanes, i, connect(scene, lone, path, bsdf, seed))
+
+    @wp.func
+    def aim_in_lanes(pool: wp.uint64, lights: wp.array(dtype=Light), lone: Medium, seed: wp.uint64):
+        lanes = lanes_of(pool)
+        for k in range(lights.shape[0]):
+            light = lights[k]
+            for kind in range(wp.static(len(LIGHT_KINDS))):
+                if wp.static(kind in light_kinds):
+                    if light.kind == kind:
+                        for i in range(LANES):
+                            path = load(lanes, i)
+                            store(lanes, i, aim_at_light(path, lone, seed, light, kind))
+
+    @wp.func
+    def block_by_solids_in_lanes(pool: wp.uint64, solids: wp.array(dtype=Solid)):
+        lanes = lanes_of(pool)
+        for s in range(solids.shape[0]):
+            solid = solids[s]
+            for kind in range(wp.static(len(SOLID_KINDS))):
+                if wp.static(kind in solid_kinds):
+                    if solid.surface >= 0 and solid.kind == kind:
+                        for i in range(LANES):
+                            path = load(lanes, i)
+                            store(lanes, i, block_by_surface(path, solid, kind))
+
+    @wp.func
+    def block_by_lights_in_lanes(pool: wp.uint64, lights: wp.array(dtype=Light)):
+        lanes = lanes_of(pool)
+        for k in range(lights.shape[0]):
+            light = lights[k]
+            for kind in range(wp.static(len(LIGHT_KINDS))):
+                if wp.static(kind in shaped_kinds):
+                    if light.kind == kind:
+                        for i in range(LANES):
+                            path = load(lanes, i)
+                            store(lanes, i, block_by_light(path, light, kind))
+
+    @wp.func
+    def block_by_meshes_by_lane(pool: wp.uint64, trees: wp.array(dtype=Bvh)):
+        lanes = lanes_of(pool)
+        for i in range(LANES):
+            path = load(lanes, i)
+            if max_component(path.light_share) > 0.0:
+                distance = mesh_between(trees, path)
+                store(lanes, i, block(load(lanes, i), distance))
+
+    @wp.func
+    def dim_in_lanes(pool: wp.uint64, lone: Medium, solid: Solid):
+        lanes = lanes_of(pool)
+        for i in range(LANES):
+            path = load(lanes, i)
+            store(lanes, i, dim_by_lone_solid(path, lone, solid, wp.static(lone_kind)))
+
+    @wp.func
+    def go_on_in_lanes(pool: wp.uint64, limits: Limits):
+        lanes = lanes_of(pool)
+        for i in range(LANES):
+            path = load(lanes, i)
+            if wp.static(connects_in_lanes):
+                path = end_connection(path)
+            store(lanes, i, go_on(path, limits))
+
     @wp.kernel(module="unique", module_options=kernel_options(features.meshes))
     def render_pool(
         batch: SceneData,
@@ -1531,240 +1857,71 @@ def build_program(features: RenderFeatures) -> Program:
         first_sample: int,
         sample_count: int,
     ):
-        # Arrays of known layout, which is what lets the compiler see that lanes are apart.
-        sums = wp.array(ptr=scratch.ptr, shape=(wp.static(sum_count),), dtype=wp.float64)
-        lanes = wp.array(
-            ptr=scratch.ptr + wp.uint64(wp.static(8 * sum_count)), shape=(wp.static(pool_floats),), dtype=float
-        )
-        # Of each lane, the surface that it met.
-        bsdfs = wp.array(
-            ptr=scratch.ptr + wp.uint64(wp.static(8 * sum_count + 4 * pool_floats)),
-            shape=(wp.static(bsdf_count),),
-            dtype=Bsdf,
-        )
+        pool = scratch.ptr
         scene = scene_of_image(batch, image)
         seed = scene.seeds[image]
         lone = lone_medium(scene)
-        camera = scene.camera
-        camera_inside = scene.camera_inside
-        environment = scene.environment
-        light_count = scene.lights.shape[0]
         lone_shape = Solid()
         if wp.static(lone_solid):
             lone_shape = scene.solids[scene.lone_solid]
-        first_place = image * pixels_per_image
+        task = Task()
+        task.end_pixel = first_pixel + pixel_count
+        task.first_sample = first_sample
+        task.end_sample = first_sample + sample_count
         next_pixel = int(first_pixel)
-        end_pixel = first_pixel + pixel_count
-        end_sample = first_sample + sample_count
-        for i in range(LANES):
-            idle = Path()
-            idle.pixel = -1
-            idle.sample = end_sample
-            store(lanes, i, idle)
+        empty_lanes(pool, task.end_sample)
         working = int(LANES)
         while working > 0:
             # A lane takes the samples of its pixel one after the other, and then another pixel.
-            waiting = int(0)
             if wp.static(tracks):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    if path.alive == 0 and path.sample < end_sample:
-                        store(lanes, i, track(scene, path))
-            for i in range(LANES):
-                path = load(lanes, i)
-                is_complete = path.alive == 0 and path.sample < end_sample
-                store_tally(sums, i, finish(load_tally(sums, i), path, is_complete))
-            for i in range(LANES):
-                path = load(lanes, i)
-                is_complete = path.alive == 0 and path.sample < end_sample
-                path.sample = path.sample + wp.where(is_complete, 1, 0)
-                waiting += wp.where(path.sample == end_sample, 1, 0)
-                store(lanes, i, path)
-            if waiting >= MANY_WAITING or (waiting > 0 and next_pixel >= end_pixel):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    if path.sample == end_sample:
-                        if path.pixel >= 0:
-                            write_film(film, first_place + path.pixel, load_tally(sums, i))
-                        if next_pixel < end_pixel:
-                            path = go_to_pixel(path, camera.width, seed, next_pixel)
-                            path.sample = first_sample
-                            store_tally(sums, i, read_film(film, first_place + next_pixel))
-                            next_pixel += 1
-                        else:
-                            path.pixel = -1
-                            path.sample = end_sample + 1
-                            working -= 1
-                        store(lanes, i, path)
-            for i in range(LANES):
-                path = load(lanes, i)
-                fresh = emit(camera, camera_inside, seed, path)
-                if path.alive == 0 and path.sample < end_sample:
-                    store(lanes, i, fresh)
-            if wp.static(features.varied_starts):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    if path.alive == 1 and path.bounce == 0:
-                        store(lanes, i, find_start(scene, path))
-            if wp.static(freezes_at_birth):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    if path.alive == 1 and path.bounce == 0:
-                        path.rates = draw_rates(scene, path, lone, seed)
-                        store(lanes, i, path)
+                track_lanes(pool, scene, task.end_sample)
+            waiting = finish_lanes(pool, task.end_sample)
+            if waiting >= MANY_WAITING or (waiting > 0 and next_pixel >= task.end_pixel):
+                handed, retired = hand_out_pixels(
+                    pool, film, task, image * pixels_per_image, scene.camera.width, seed, next_pixel
+                )
+                next_pixel = handed
+                working -= retired
+            emit_lanes(pool, scene, lone, seed, task.end_sample)
 
-            for i in range(LANES):
-                path = load(lanes, i)
-                path = depart(path, seed)
-                if wp.static(looks_up_flights):
-                    path = begin_exact_flight(path, lone)
-                elif wp.static(lone_law != ""):
-                    path = fly_in_lone_medium(path, lone, seed)
-                if wp.static(opens_eyes_at_once and not looks_up_flights):
-                    path = open_eyes(path, camera)
-                store(lanes, i, path)
+            fly_lanes(pool, scene.camera, lone, seed)
             if wp.static(looks_up_flights):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    store(lanes, i, look_up_exact_flight(path, lone, scene.tables))
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    path = fly_in_lone_medium(path, lone, seed)
-                    if wp.static(opens_eyes_at_once):
-                        path = open_eyes(path, camera)
-                    store(lanes, i, path)
+                look_up_lanes(pool, scene.camera, lone, scene.tables, seed)
             if wp.static(features.media and lone_law == ""):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    if path.alive == 1:
-                        path = open_eyes(fly_anywhere(scene, path, seed), camera)
-                    store(lanes, i, path)
+                fly_lanes_anywhere(pool, scene, seed)
 
             if wp.static(lone_solid):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    store(lanes, i, open_eyes(look_at_lone_solid(path, lone_shape, wp.static(lone_kind)), camera))
+                look_at_lone_solid_in_lanes(pool, scene.camera, lone_shape)
             if wp.static(has_solids and (features.motion or passes)):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    if path.alive == 1:
-                        store(lanes, i, look_at_solids(scene, path))
+                look_at_solids_by_lane(pool, scene)
             elif wp.static(has_solids and (has_crossings or has_surfaces)):
-                for s in range(scene.solids.shape[0]):
-                    solid = scene.solids[s]
-                    if wp.static(has_crossings):
-                        for kind in range(wp.static(len(SOLID_KINDS))):
-                            if wp.static(kind in solid_kinds):
-                                if solid.surface < 0 and solid.kind == kind:
-                                    for i in range(LANES):
-                                        path = load(lanes, i)
-                                        store(lanes, i, look_at_boundary(path, solid, kind))
-                    if wp.static(has_surfaces):
-                        if solid.surface >= 0:
-                            surface = scene.surfaces[solid.surface]
-                            for kind in range(wp.static(len(SOLID_KINDS))):
-                                if wp.static(kind in solid_kinds):
-                                    if solid.kind == kind:
-                                        for i in range(LANES):
-                                            path = load(lanes, i)
-                                            store(lanes, i, look_at_surface(path, solid, kind, surface))
+                look_at_solids_in_lanes(pool, scene.solids, scene.surfaces)
             if wp.static(features.meshes):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    if path.alive == 1:
-                        store(lanes, i, look_at_meshes(scene.meshes, scene.surfaces, path))
+                look_at_meshes_by_lane(pool, scene.meshes, scene.surfaces)
             if wp.static(features.intricate_lights):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    if path.alive == 1:
-                        store(lanes, i, look_at_lights(scene, path))
+                look_at_lights_by_lane(pool, scene)
             elif wp.static(features.connections):
-                for k in range(light_count):
-                    light = scene.lights[k]
-                    if wp.static(has_lights):
-                        for kind in range(wp.static(len(LIGHT_KINDS))):
-                            if wp.static(kind in shaped_kinds):
-                                if light.kind == kind:
-                                    for i in range(LANES):
-                                        path = load(lanes, i)
-                                        store(lanes, i, look_at_light(path, light, kind, k))
-                if wp.static(features.distant_lights):
-                    for k in range(light_count):
-                        light = scene.lights[k]
-                        for i in range(LANES):
-                            path = load(lanes, i)
-                            store(lanes, i, look_beyond(path, light))
+                look_at_lights_in_lanes(pool, scene.lights)
             if wp.static(shades):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    if path.alive == 1 and reaches_surface(path):
-                        path, bsdf = shade(scene, path, seed)
-                        bsdfs[i] = bsdf
-                        store(lanes, i, path)
+                shade_by_lane(pool, scene, seed)
             if wp.static(needs_meeting):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    if path.alive == 1:
-                        store(lanes, i, meet(scene, path))
+                meet_by_lane(pool, scene)
 
-            for i in range(LANES):
-                path = load(lanes, i)
-                path = arrive(path, lone, environment, camera, limits)
-                if wp.static(connects_in_lanes):
-                    path = begin_connection(path, lone)
-                if wp.static(not features.connections):
-                    path = go_on(path, limits)
-                store(lanes, i, path)
+            arrive_in_lanes(pool, lone, scene.environment, scene.camera, limits)
             if wp.static(features.connections and not connects_in_lanes):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    if path.scatters != MISS:
-                        bsdf = Bsdf()
-                        if wp.static(shades):
-                            bsdf = bsdfs[i]
-                        store(lanes, i, connect(scene, lone, path, bsdf, seed))
+                connect_by_lane(pool, scene, lone, seed)
             if wp.static(connects_in_lanes):
-                for k in range(light_count):
-                    light = scene.lights[k]
-                    for kind in range(wp.static(len(LIGHT_KINDS))):
-                        if wp.static(kind in light_kinds):
-                            if light.kind == kind:
-                                for i in range(LANES):
-                                    path = load(lanes, i)
-                                    store(lanes, i, aim_at_light(path, lone, seed, light, kind))
+                aim_in_lanes(pool, scene.lights, lone, seed)
                 if wp.static(has_surfaces and has_solids):
-                    for s in range(scene.solids.shape[0]):
-                        solid = scene.solids[s]
-                        for kind in range(wp.static(len(SOLID_KINDS))):
-                            if wp.static(kind in solid_kinds):
-                                if solid.surface >= 0 and solid.kind == kind:
-                                    for i in range(LANES):
-                                        path = load(lanes, i)
-                                        store(lanes, i, block_by_surface(path, solid, kind))
+                    block_by_solids_in_lanes(pool, scene.solids)
                 if wp.static(has_lights):
-                    for k in range(light_count):
-                        light = scene.lights[k]
-                        for kind in range(wp.static(len(LIGHT_KINDS))):
-                            if wp.static(kind in shaped_kinds):
-                                if light.kind == kind:
-                                    for i in range(LANES):
-                                        path = load(lanes, i)
-                                        store(lanes, i, block_by_light(path, light, kind))
+                    block_by_lights_in_lanes(pool, scene.lights)
                 if wp.static(features.meshes):
-                    for i in range(LANES):
-                        path = load(lanes, i)
-                        if max_component(path.light_share) > 0.0:
-                            store(lanes, i, block_by_meshes(scene.meshes, path))
+                    block_by_meshes_by_lane(pool, scene.meshes)
                 if wp.static(lone_solid):
-                    for i in range(LANES):
-                        path = load(lanes, i)
-                        store(lanes, i, dim_by_lone_solid(path, lone, lone_shape, wp.static(lone_kind)))
+                    dim_in_lanes(pool, lone, lone_shape)
             if wp.static(features.connections):
-                for i in range(LANES):
-                    path = load(lanes, i)
-                    if wp.static(connects_in_lanes):
-                        path = end_connection(path)
-                    store(lanes, i, go_on(path, limits))
+                go_on_in_lanes(pool, limits)
 
     bsdf_floats = bsdf_count * Bsdf.numpy_dtype()["itemsize"] // 4
     return Program(features, render_threads, render_pool, 2 * sum_count + pool_floats + bsdf_floats)

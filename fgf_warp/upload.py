@@ -13,6 +13,7 @@ import warp as wp
 
 from fgf_warp.device import camera as camera_device
 from fgf_warp.device import drift, law, medium, numerics, phase, surfaces, tables
+from fgf_warp.device.bvh import Bvh
 from fgf_warp.device.lights import LightTables
 from fgf_warp.device.shading import Shading
 from fgf_warp.errors import UnsupportedFeatureError
@@ -99,15 +100,16 @@ def upload(
     data.solids = upload_solids(solids, shapes, device)
     filled = [k for k, solid in enumerate(solids) if solid.medium is not None]
     data.lone_solid = filled[0] if filled else -1
-    data.meshes = build_device_meshes(shapes, connected_lights(scene), device)
-    data.motions = data.meshes.motions
+    meshes = build_device_meshes(shapes, connected_lights(scene), device)
+    data.meshes = wp.array([meshes], dtype=Bvh, device=device)
+    data.motions = meshes.motions
     data.surfaces = wp.array(
         [_surface(s) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
     )
-    kept = []
+    kept: list[Any] = [meshes]
     if shading:
         kept.append(build_device_shading(shapes, containers, device))
-        data.shading = wp.array(kept, dtype=Shading, device=device)
+        data.shading = wp.array(kept[-1:], dtype=Shading, device=device)
     data.media = wp.array(media, dtype=medium.Medium, device=device)
     data.media_count = len(scene.media)
     data.tables = rows.upload(device)
@@ -126,7 +128,8 @@ def upload(
         lows, highs = zip(*(shape_bounds(shape) for shape in containers), strict=True)
         low, high = np.min(lows, axis=0), np.max(highs, axis=0)
         data.media_center, data.media_radius = wp.vec3(*(low + high) / 2), float(np.linalg.norm(high - low))
-        data.boundaries = build_device_meshes([_bare(shape) for shape in containers], [], device)
+        kept.append(build_device_meshes([_bare(shape) for shape in containers], [], device))
+        data.boundaries = wp.array(kept[-1:], dtype=Bvh, device=device)
     data.seeds = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
 
     limits = Limits()

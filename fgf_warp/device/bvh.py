@@ -299,14 +299,14 @@ def aim(origin: wp.vec3, direction: wp.vec3) -> Ray:
 
 
 def build_place_instance(features: Any) -> Any:
-    """The function of (bvh, instance, time) that tells where an instance is, in a scene of these features."""
+    """The function of (trees, instance, time) that tells where an instance is, in a scene of these features."""
 
     @wp.func
-    def place_instance(bvh: Bvh, instance: int, time: float) -> Placement:
-        placed = bvh.instances[instance]
+    def place_instance(trees: wp.array(dtype=Bvh), instance: int, time: float) -> Placement:
+        placed = trees[0].instances[instance]
         if wp.static(features.motion):
             if placed.motion >= 0:
-                return place_at(bvh.motions[placed.motion], time)
+                return place_at(trees[0].motions[placed.motion], time)
         placement = Placement()
         placement.to_object = placed.to_object
         placement.position = placed.position
@@ -324,7 +324,7 @@ def aim_at_instance(placement: Placement, origin: wp.vec3, direction: wp.vec3) -
 def build_intersect_meshes(features: Any) -> Any:
     """The function that meets a ray with the triangles of a scene of these features.
 
-    It has the arguments (bvh, origin, direction, start, nearest), and gives `nearest`, or the triangle before it that
+    It has the arguments (trees, origin, direction, start, nearest), and gives `nearest`, or the triangle before it that
     the path can meet.
     """
     has_light_triangles = "mesh" in features.shaped_lights
@@ -356,15 +356,17 @@ def build_intersect_meshes(features: Any) -> Any:
         return t > start.t_min or mesh.container != start.crossed
 
     @wp.func
-    def intersect_meshes(bvh: Bvh, origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit) -> Hit:
+    def intersect_meshes(
+        trees: wp.array(dtype=Bvh), origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
+    ) -> Hit:
         hit = nearest
-        if bvh.children.shape[0] == 0:
+        if trees[0].children.shape[0] == 0:
             return hit
         # The shape is where a negative index counts from; there is none, and from 0 that costs nothing.
-        boxes = wp.array(ptr=bvh.boxes.ptr, shape=(0,), dtype=float)
-        children = wp.array(ptr=bvh.children.ptr, shape=(0,), dtype=int)
-        triangles = wp.array(ptr=bvh.triangles.ptr, shape=(0,), dtype=float)
-        owners = wp.array(ptr=bvh.owners.ptr, shape=(0,), dtype=int)
+        boxes = wp.array(ptr=trees[0].boxes.ptr, shape=(0,), dtype=float)
+        children = wp.array(ptr=trees[0].children.ptr, shape=(0,), dtype=int)
+        triangles = wp.array(ptr=trees[0].triangles.ptr, shape=(0,), dtype=float)
+        owners = wp.array(ptr=trees[0].owners.ptr, shape=(0,), dtype=int)
 
         begin = upper(start.t_min, start.passed)
         slack = upper(start.slack, ROUNDING * coordinate_reach(origin, begin))
@@ -388,11 +390,11 @@ def build_intersect_meshes(features: Any) -> Any:
         place = Placement()
         rounding = float(0.0)
         if wp.static(features.instances):
-            node = bvh.top
-            is_among = bvh.world < 0
+            node = trees[0].top
+            is_among = trees[0].world < 0
             if not is_among:
-                node = bvh.world
-                waiting[1] = bvh.top
+                node = trees[0].world
+                waiting[1] = trees[0].top
                 waiting_t[1] = -INFINITE
                 waiting[2] = LEAVE
                 waiting_t[2] = -INFINITE
@@ -405,16 +407,16 @@ def build_intersect_meshes(features: Any) -> Any:
                 ray = aim(origin, direction)
                 t_least = t_least_of_world
             elif wp.static(features.instances) and is_among and node < 0:
-                root = bvh.instances[-1 - node].root
+                root = trees[0].instances[-1 - node].root
                 if wp.static(features.solids_in_tree) and root < 0:
-                    nearer = meet_solid(bvh.solids[-1 - root], bvh.motions, origin, direction, start, hit)
+                    nearer = meet_solid(trees[0].solids[-1 - root], trees[0].motions, origin, direction, start, hit)
                     if nearer.t < hit.t:
                         hit = nearer
                         hit_leaf = -1
                 else:
                     is_among = False
                     instance = -1 - node
-                    place = place_instance(bvh, instance, start.time)
+                    place = place_instance(trees, instance, start.time)
                     ray = aim_at_instance(place, origin, direction)
                     # Of coordinates in its space; distances along the ray are those of the world.
                     speed = wp.length(ray.direction)
@@ -458,11 +460,11 @@ def build_intersect_meshes(features: Any) -> Any:
                     met = met & (met - 1)
                     t = distances[lane]
                     owner = int(0)
-                    if bvh.meshes.shape[0] > 1:
+                    if trees[0].meshes.shape[0] > 1:
                         owner = owners[leaf * LEAF + lane]
                     if wp.static(features.instances) and instance >= 0:
-                        owner = bvh.instances[instance].owner
-                    mesh = bvh.meshes[owner]
+                        owner = trees[0].instances[instance].owner
+                    mesh = trees[0].meshes[owner]
                     is_met = t < hit.t and accepts(mesh, is_front, t, start)
                     if is_met and t < start.t_min:
                         # Behind: as far as rounding can have moved the ray across the face, and no farther.
@@ -494,12 +496,12 @@ def build_intersect_meshes(features: Any) -> Any:
             if wp.static(features.instances):
                 ray = aim(origin, direction)
                 if hit_instance >= 0:
-                    place = place_instance(bvh, hit_instance, start.time)
+                    place = place_instance(trees, hit_instance, start.time)
                     ray = aim_at_instance(place, origin, direction)
                     hit.normal = unit(wp.transpose(place.to_object) * hit.normal)
             if wp.static(features.faces):
                 weights = weigh_corners(triangles, hit_leaf, hit_lane, ray)
-                hit.face = bvh.faces[hit_leaf][hit_lane]
+                hit.face = trees[0].faces[hit_leaf][hit_lane]
                 hit.u = weights[0]
                 hit.v = weights[1]
         return hit

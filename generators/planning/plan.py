@@ -282,7 +282,7 @@ def _read(
         found = ConfigError(f"sample {index}: with {described(parameters[index])}: {error}")
         if isinstance(error, EditError):
             for axis in sweep.axes:
-                if f"{axis.target}: " in str(error):
+                if axis.target.prim and f"{axis.target}: " in str(error):
                     raise loaded.error(("axes", axis.key), str(found)) from error
         raise found from error
 

@@ -116,7 +116,7 @@ def meet_kernel(features, tries_solids):
 
     @wp.kernel(module="unique", module_options=kernel_options(meshes=True))
     def kernel(
-        tree: bvh.Bvh,
+        trees: wp.array(dtype=bvh.Bvh),
         solids: wp.array(dtype=Solid),
         origin: wp.array(dtype=wp.vec3),
         direction: wp.array(dtype=wp.vec3),
@@ -133,8 +133,8 @@ def meet_kernel(features, tries_solids):
         nearest = Hit()
         nearest.t = 1.0e30
         if wp.static(tries_solids):
-            nearest = intersect_solids(solids, tree.motions, origin[i], direction[i], start, nearest)
-        hit = intersect_meshes(tree, origin[i], direction[i], start, nearest)
+            nearest = intersect_solids(solids, trees[0].motions, origin[i], direction[i], start, nearest)
+        hit = intersect_meshes(trees, origin[i], direction[i], start, nearest)
         t[i] = wp.where(hit.kind == MISS, -1.0, hit.t)
         kind[i] = hit.kind
         item[i] = hit.item
@@ -170,7 +170,13 @@ def hit_meshes(shapes, origin, direction, *, lights=(), kept=PLAIN, inside=0, tr
     dtypes = (float, int, int, int, float, float, wp.vec3)
     found = [wp.zeros(len(rays[0]), dtype=dtype, device="cpu") for dtype in dtypes]
     kernel = meet_kernel(kept, bool(tried))
-    wp.launch(kernel, dim=len(rays[0]), inputs=[tree, solids, *rays, begin], outputs=found, device="cpu")
+    wp.launch(
+        kernel,
+        dim=len(rays[0]),
+        inputs=[wp.array([tree], dtype=bvh.Bvh, device="cpu"), solids, *rays, begin],
+        outputs=found,
+        device="cpu",
+    )
     return MeshHits(*(array.numpy() for array in found))
 
 
