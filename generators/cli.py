@@ -16,8 +16,8 @@ from typer.core import TyperGroup
 
 from fgf_warp.errors import ConfigError, CorruptFileError, FgfError, NumericalError
 from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
+from generators.commands import check, validate
 from generators.commands import plan as planning
-from generators.commands import validate
 from generators.commands.common import (
     EXIT_BAD_INPUT,
     EXIT_CORRUPT,
@@ -382,8 +382,9 @@ def stability(
 
 
 app.command()(export)
-
-
+app.command()(check.verify)
+app.command()(check.status)
+app.command()(check.report)
 app.command()(planning.plan)
 app.command()(planning.init)
 app.command()(planning.schema)

@@ -41,6 +41,10 @@ def generate(
     shard: Annotated[
         str, typer.Option(metavar="I/N", help="Only part I of N, from 0; other parts may be made meanwhile.")
     ] = "0/1",
+    sample: Annotated[
+        list[int] | None,
+        typer.Option(metavar="INDEX", help="Only this sample, repeatable, such as to look at it again."),
+    ] = None,
     executor: Annotated[
         str, typer.Option(help="Who renders: local; ray, a cluster of Ray; slurm, an array of jobs.")
     ] = "local",
@@ -72,6 +76,7 @@ def generate(
     \b
     Example:
       fgf generate configs/quickstart.yaml --set spp=16 --out datasets/trial
+      fgf generate datasets/trial/config.yaml --sample 17 --out again
       fgf generate sweep.yaml --shard 0/4            on the first of four machines that share a folder
       fgf generate sweep.yaml --executor slurm --workers 32 --cores 4 --slurm partition=cpu --slurm time=240
     """  # noqa: D301
@@ -82,6 +87,9 @@ def generate(
     part = Shard.parse(shard)
     loaded, plan = make_plan(config, overrides, device)
     plan = replace(plan, settings=replace(plan.settings, memory=memory))
+    for index in sample or ():
+        if not 0 <= index < len(plan.samples):
+            raise ConfigError(f"--sample {index}: accepted: 0 to {len(plan.samples) - 1}")
     location = out or loaded.config.output or f"datasets/{loaded.config.name}"
     if executor == "local":
         start_warp(device)
@@ -89,7 +97,7 @@ def generate(
     with _shown_progress() as (show, begun):
         try:
             text = loaded.to_bytes(None if "://" in location else Path(location))
-            report = run.generate(plan, text, location, shard=part, workers=asked, on_progress=show)
+            report = run.generate(plan, text, location, shard=part, only=sample, workers=asked, on_progress=show)
         except OutputError as error:
             if not begun():
                 raise  # the place itself is not accepted

@@ -8,6 +8,7 @@
     croissant.json                 metadata of Croissant 1.1
     config.yaml                    the config in force
     contact_sheet.png
+    report.html                    where asked for
     data/SPLIT/metadata.parquet    the labels of a split's complete samples, for ``datasets.load_dataset``
     data/SPLIT/000000/             one folder per complete sample, which appears whole or not at all
         radiance.exr
@@ -28,6 +29,7 @@ PLAN = "plan.parquet"
 CROISSANT = "croissant.json"
 CONFIG = "config.yaml"
 CONTACT_SHEET = "contact_sheet.png"
+REPORT = "report.html"
 DATA = "data"
 RUN = "run"
 FAILURES = "run/failures"

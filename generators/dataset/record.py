@@ -10,6 +10,9 @@ from typing import Any
 
 from fgf_warp.errors import CorruptFileError
 
+OWN_HASH = "sha256"
+"""Key of the hash of all else that a note says."""
+
 
 @dataclass(frozen=True)
 class FileEntry:
@@ -89,8 +92,9 @@ def file_entry(content: bytes) -> FileEntry:
 
 
 def encode(value: Record | Timing | Failure) -> bytes:
-    """As JSON, equal for equal values."""
-    return (json.dumps(asdict(value), indent=1, sort_keys=True, allow_nan=False) + "\n").encode()
+    """As JSON, equal for equal values, with a hash of itself: nothing else tells whether a number in it has changed."""
+    content = asdict(value)
+    return _as_json({**content, OWN_HASH: hashlib.sha256(_as_json(content)).hexdigest()})
 
 
 def decode_record(content: bytes, name: str) -> Record:
@@ -133,7 +137,14 @@ def _decode(content: bytes, name: str) -> dict[str, Any]:
         raise _damaged(name) from error
     if not isinstance(found, dict):
         raise _damaged(name)
+    own_hash = found.pop(OWN_HASH, None)
+    if own_hash != hashlib.sha256(_as_json(found)).hexdigest():
+        raise _damaged(name)
     return found
+
+
+def _as_json(content: Mapping[str, Any]) -> bytes:
+    return (json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n").encode()
 
 
 def _damaged(name: str) -> CorruptFileError:

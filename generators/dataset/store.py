@@ -85,6 +85,14 @@ class Store:
         found = self._fs.find(below, detail=True)
         return {path[len(self._root) + 1 :]: int(entry["size"]) for path, entry in sorted(found.items())}
 
+    def empty_folders(self) -> list[str]:
+        """Folders without any file; an object store has none."""
+        self._fs.invalidate_cache()
+        found = self._fs.find(self._root, withdirs=True, detail=True)
+        folders = {path for path, entry in found.items() if entry["type"] == "directory" and path != self._root}
+        holding = {path.rpartition("/")[0] for path in found}
+        return sorted(path[len(self._root) + 1 :] for path in folders - holding)
+
     def entries(self) -> list[str]:
         """Names of files and folders at the top, without those that a killed run left half-written."""
         self._fs.invalidate_cache()

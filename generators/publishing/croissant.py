@@ -7,7 +7,7 @@ path, which is the ``png`` of a label.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -40,16 +40,33 @@ CONTEXT = {
     **{term: f"cr:{term}" for term in CROISSANT_TERMS},
 }
 """The format's own, whole: validators warn of any other."""
+PARQUET = "application/x-parquet"
+FILES = {
+    layout.INDEX: (
+        "index",
+        "Labels of every sample of the plan, those that are failed or missing among them.",
+        PARQUET,
+    ),
+    layout.PLAN: ("plan", "What each sample is to be: its parameters and its seed.", PARQUET),
+    layout.CONFIG: ("config", "What the plan was made from.", "application/yaml"),
+    layout.CARD: ("card", "What a person should know of the dataset.", "text/markdown"),
+    layout.CONTACT_SHEET: ("contact-sheet", "All samples, or some of many, in one picture.", "image/png"),
+    **{
+        layout.split_metadata(split): (f"{split}-labels", f"Labels of the complete samples of {split}.", PARQUET)
+        for split in layout.SPLITS
+    },
+}
+"""The files that the metadata has hashes of: name, description and kind."""
 SPLIT_URLS = {"train": "cr:TrainingSplit", "validation": "cr:ValidationSplit", "test": "cr:TestSplit"}
 
 
-def write_croissant(meta: PlanMeta, index: pa.Table, content: bytes) -> bytes:
+def write_croissant(meta: PlanMeta, index: pa.Table, files: Mapping[str, bytes]) -> bytes:
     """The metadata as the content of ``croissant.json``.
 
     Args:
         meta: of the dataset.
         index: its labels, see `generators.publishing.index`.
-        content: of ``index.parquet``.
+        files: contents of those of `FILES` that are there, by name.
     """
     splits = [split for split in layout.SPLITS if split in index[SPLIT].to_pylist()]
     document = {
@@ -62,27 +79,32 @@ def write_croissant(meta: PlanMeta, index: pa.Table, content: bytes) -> bytes:
         **({"license": meta.license} if meta.license else {}),
         "version": meta.version,
         "datePublished": datetime.now(UTC).date().isoformat(),
-        "distribution": _files(meta, content),
+        "distribution": _files(meta, files),
         "recordSet": [_split_names(splits), *([_views()] if meta.png else []), _samples(index, with_views=meta.png)],
     }
     return (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode()
 
 
-def _files(meta: PlanMeta, content: bytes) -> list[dict[str, Any]]:
-    entry = file_entry(content)
-    table = {
-        "@type": "cr:FileObject",
-        "@id": "index",
-        "name": "index",
-        "description": "Labels of every sample of the plan, those that are failed or missing among them.",
-        "contentUrl": layout.INDEX,
-        "contentSize": f"{entry.bytes} B",
-        "encodingFormat": "application/x-parquet",
-        "sha256": entry.sha256,
-    }
+def _files(meta: PlanMeta, files: Mapping[str, bytes]) -> list[dict[str, Any]]:
+    """With hashes, by which a reader, and ``fgf verify``, see whether a file is as it was published."""
+    tables = [_file_object(name, *words, files[name]) for name, words in FILES.items() if name in files]
     views = [_file_set("png-files", "8-bit views, sRGB.", "image/png", layout.IMAGE)] if meta.png else []
     radiance = "Radiance and further planes, float32, linear Rec.709."
-    return [table, *views, _file_set("exr-files", radiance, "image/x-exr", layout.RADIANCE)]
+    return [*tables, *views, _file_set("exr-files", radiance, "image/x-exr", layout.RADIANCE)]
+
+
+def _file_object(file: str, name: str, description: str, encoding: str, content: bytes) -> dict[str, Any]:
+    entry = file_entry(content)
+    return {
+        "@type": "cr:FileObject",
+        "@id": name,
+        "name": name,
+        "description": description,
+        "contentUrl": file,
+        "contentSize": f"{entry.bytes} B",
+        "encodingFormat": encoding,
+        "sha256": entry.sha256,
+    }
 
 
 def _file_set(name: str, description: str, encoding: str, file: str) -> dict[str, Any]:

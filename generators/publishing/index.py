@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pyarrow as pa
@@ -17,13 +17,17 @@ from generators.dataset.record import Record, Timing
 from generators.publishing.columns import COMPLETE, EXR, FAILED, MISSING, PNG, STATUS, columns_of
 
 
-def build_index(dataset: Dataset) -> pa.Table:
+def build_index(dataset: Dataset, complete: Sequence[int] | None = None) -> pa.Table:
     """The labels of all samples by index, with meaning and unit of each column in its field's metadata.
+
+    Args:
+        dataset: complete or not.
+        complete: indices of the samples to take for complete, in order; by default all that are there.
 
     Raises:
         CorruptFileError: for a record that cannot be read, by name.
     """
-    complete = dataset.complete()
+    complete = dataset.complete() if complete is None else complete
     records = dict(zip(complete, dataset.records(complete), strict=True))
     timings = dict(zip(complete, dataset.timings(complete), strict=True))
     failed = dataset.failures()

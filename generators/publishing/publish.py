@@ -12,7 +12,7 @@ from generators.dataset import layout
 from generators.dataset.reader import Dataset
 from generators.publishing.card import write_card
 from generators.publishing.contact_sheet import draw_contact_sheet
-from generators.publishing.croissant import write_croissant
+from generators.publishing.croissant import FILES, write_croissant
 from generators.publishing.index import build_index, parquet_bytes, split_labels, with_file_names
 
 
@@ -28,11 +28,12 @@ def publish(dataset: Dataset) -> None:
     """
     index = build_index(dataset)
     _write_labels(dataset, index)
-    content = parquet_bytes(index)
-    dataset.store.write(layout.INDEX, content)
-    dataset.store.write(layout.CROISSANT, write_croissant(dataset.meta, index, content))
+    dataset.store.write(layout.INDEX, parquet_bytes(index))
     dataset.store.write(layout.CONTACT_SHEET, _contact_sheet(dataset, index))
     dataset.store.write(layout.CARD, write_card(dataset.meta, index).encode())
+    # The last, since it has the hashes of the others.
+    files = {name: dataset.store.read(name) for name in FILES if dataset.store.exists(name)}
+    dataset.store.write(layout.CROISSANT, write_croissant(dataset.meta, index, files))
 
 
 def _write_labels(dataset: Dataset, index: pa.Table) -> None:

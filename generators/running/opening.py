@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -76,6 +76,24 @@ def sole(store: Store) -> Iterator[None]:
         yield
 
 
+def shards_under_way(store: Store) -> list[Shard]:
+    """The shards that runs hold now; none in an object store, which has no locks."""
+    if store.folder is None:
+        return []
+    # Where nothing can be written, no run is at work. Alone, since a run that begins would take a look for a hold.
+    with suppress(OutputError), sole(store):
+        return [_shard_of(path) for path in sorted((store.folder / layout.RUN).glob(SHARD_LOCK)) if _is_held(path)]
+    return []
+
+
+def _is_held(path: Path) -> bool:
+    try:
+        with hold(path, wait=False):
+            return False
+    except HeldError:
+        return True
+
+
 def _refuse_other_content(plan: Plan, store: Store) -> None:
     if not store.exists(layout.PLAN):
         if any(name != layout.RUN for name in store.entries()):
@@ -92,14 +110,11 @@ def _refuse_other_content(plan: Plan, store: Store) -> None:
 def _refuse_held_samples(plan: Plan, run: Path, shard: Shard, indices: Collection[int]) -> None:
     for path in run.glob(SHARD_LOCK):
         other = _shard_of(path)
-        if other == shard or not set(indices).isdisjoint(samples_of(plan, other)):
-            try:
-                with hold(path, wait=False):
-                    pass
-            except HeldError as error:
-                raise ConfigError(
-                    f"{run.parent}: another run is under way in this folder, on shard {other}; wait for its end"
-                ) from error
+        overlaps = other == shard or not set(indices).isdisjoint(samples_of(plan, other))
+        if overlaps and _is_held(path):
+            raise ConfigError(
+                f"{run.parent}: another run is under way in this folder, on shard {other}; wait for its end"
+            )
 
 
 def _shard_lock(run: Path, shard: Shard) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -127,6 +127,7 @@ def generate(
     location: str | os.PathLike[str],
     *,
     shard: Shard | None = None,
+    only: Collection[int] | None = None,
     workers: Workers | None = None,
     on_progress: OnProgress | None = None,
 ) -> Report:
@@ -137,6 +138,7 @@ def generate(
         config: that the plan was made from, as YAML; kept with the dataset.
         location: of the dataset, a folder or a URL; created where missing.
         shard: of the plan, to render no more than that.
+        only: indices of samples, to render no others.
         workers: who renders; by default this process with all cores. They change no file but the timing.
         on_progress: called with each finished sample, and in one process with parts of one, from any thread.
 
@@ -153,7 +155,7 @@ def generate(
     store, shard, workers = Store(os.fspath(location)), shard or Shard(), workers or Workers()
     with opened(plan, config, store, shard) as indices, EventLog(store, layout.events(shard.suffix)) as log:
         try:
-            run = _Run(plan, store, indices, log, on_progress)
+            run = _Run(plan, store, _chosen(indices, only), log, on_progress)
             interrupted = run.render(workers, shard)
             with sole(store):
                 publish(Dataset(store.location))
@@ -164,6 +166,10 @@ def generate(
             raise
         log.write("end", interrupted=interrupted, complete=report.finished, failed=len(report.failures))
         return report
+
+
+def _chosen(indices: Sequence[int], only: Collection[int] | None) -> list[int]:
+    return [index for index in indices if only is None or index in only]
 
 
 def render_again(plan: Plan, store: Store, indices: Sequence[int], spp: Mapping[int, int]) -> Iterator[Finished]:

@@ -18,6 +18,7 @@ from generators.dataset.plan_table import AxisMeta, PlanMeta, write_plan
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Failure, Record, Timing, encode, file_entry
 from generators.dataset.store import Store
+from generators.publishing.statistics import image_statistics
 from tests.renders import made_up_render
 
 HURST = (-0.5, -0.25, -0.1)
@@ -112,7 +113,6 @@ def sample_files(row: dict) -> dict[str, bytes]:
         write_exr(Path(temporary, layout.RADIANCE), render)
         write_png(Path(temporary, layout.IMAGE), render)
         files = {path.name: path.read_bytes() for path in sorted(Path(temporary).iterdir())}
-    luminance = render.radiance.mean(axis=2)
     record = Record(
         index=row["index"],
         plan=META.digest,
@@ -120,7 +120,7 @@ def sample_files(row: dict) -> dict[str, bytes]:
         standard_error=0.02 + 0.001 * row["index"],
         truncated=row["index"] % 2,
         nonfinite=0,
-        statistics={"luminance_mean": float(luminance.mean()), "luminance_std": float(luminance.std())},
+        statistics=image_statistics(render),
         targets={},
         files={name: file_entry(content) for name, content in files.items()},
     )

@@ -1,8 +1,8 @@
 """Exports of a dataset: what is in them, and that they are whole or not there."""
 
-import json
 import re
 import tarfile
+from dataclasses import replace
 
 import fsspec
 import numpy as np
@@ -14,6 +14,7 @@ from fgf_warp.errors import ConfigError, CorruptFileError, OutputError
 from generators.cli import app
 from generators.dataset import layout
 from generators.dataset.images import read_channels
+from generators.dataset.record import encode
 from generators.publishing.exports import webdataset
 from generators.publishing.exports.export import KINDS, export
 from generators.publishing.exports.parquet import write_table
@@ -45,8 +46,7 @@ def test_equal_samples_give_equal_bytes(dataset, tmp_path, kind):
     other = make_dataset(tmp_path / "other", MISSING, FAILED)
     for index in other.complete():
         name = f"{other.folders[index]}/{layout.TIMING}"
-        timing = json.loads(other.store.read(name))
-        other.store.write(name, json.dumps({**timing, "render_seconds": 9.0}).encode())
+        other.store.write(name, encode(replace(other.timing(index), render_seconds=9.0)))
     export(dataset, kind, str(tmp_path / "a"))
     export(other, kind, str(tmp_path / "b"))
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
@@ -111,10 +111,6 @@ def test_arrays_hold_images_and_labels(dataset, tmp_path):
 
 
 def test_curves_are_rows_of_an_array(tmp_path):
-    from dataclasses import replace
-
-    from generators.dataset.record import encode
-
     dataset = make_dataset(tmp_path / "set", missing=range(6, 24))
     for index in range(6):
         record = replace(dataset.record(index), targets={"transmittance": [1.0, index / 10], "mean_free_path": None})

@@ -1,0 +1,218 @@
+"""Whether labels, card, metadata and contact sheet are as they were written, and those of the samples that are there.
+
+`croissant.json` has the hashes of the others. Where a label and a sample disagree, they tell which of the two has
+changed since.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from itertools import zip_longest
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from fgf_warp import __version__
+from generators.checking.findings import Finding, Kind
+from generators.checking.samples import read
+from generators.dataset import layout
+from generators.dataset.reader import Dataset
+from generators.dataset.record import file_entry
+from generators.publishing.columns import COMPLETE, STATUS
+from generators.publishing.croissant import FILES, write_croissant
+from generators.publishing.index import build_index
+
+OF_TIMING = ("render_seconds",)
+"""Columns of the labels that come from the timing; the others come from the plan or the record."""
+DATE = "datePublished"
+MISPRINTS = 8
+"""Digits of a hash, of 64: by chance so few differ once in 10^60."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What was found of the samples.
+
+    Args:
+        there: indices of those that have a folder.
+        complete: of these, with a record.
+        intact: of these, without damage.
+    """
+
+    there: frozenset[int]
+    complete: frozenset[int]
+    intact: frozenset[int]
+
+
+def check_published(dataset: Dataset, there: Collection[str], samples: Samples) -> list[Finding]:
+    """Looks at the files that describe a dataset.
+
+    Args:
+        dataset: that they belong to.
+        there: names of the dataset's files.
+        samples: what was found of them.
+    """
+    return [*_absent(dataset, there, samples), *_wrong(dataset, there, samples)]
+
+
+def _absent(dataset: Dataset, there: Collection[str], samples: Samples) -> Iterator[Finding]:
+    """They are written at the end of a run: until all samples are there, that may be to come."""
+    is_whole = len(samples.complete) == len(dataset.folders)
+    splits = {dataset.folders[index].split("/")[1] for index in samples.complete}
+    tables = [layout.split_metadata(split) for split in sorted(splits)]
+    for name in (layout.CONFIG, layout.CARD, layout.INDEX, layout.CROISSANT, layout.CONTACT_SHEET, *tables):
+        if name not in there:
+            kind = Kind.DAMAGED if is_whole or name == layout.CONFIG else Kind.OUTDATED
+            yield Finding(kind, name, "missing", "there, as in every dataset")
+
+
+def _wrong(dataset: Dataset, there: Collection[str], samples: Samples) -> Iterator[Finding]:
+    croissant = _read_json(dataset) if layout.CROISSANT in there else None
+    if isinstance(croissant, str):
+        yield _damaged(layout.CROISSANT, croissant, "a document that can be read")
+        croissant = None
+    hashes = _hashes(croissant) if croissant else {}
+    changed = list(_changed(dataset, there, hashes))
+    yield from changed
+    labels = read_labels(dataset) if layout.INDEX in there else None
+    if labels is None:
+        if layout.INDEX in there and layout.INDEX not in hashes:
+            yield _damaged(layout.INDEX, "is damaged", "a table that can be read")
+        return
+    names = {finding.name for finding in changed}
+    if names.isdisjoint((layout.INDEX, layout.PLAN)):
+        yield from _wrong_labels(dataset, labels, samples, is_as_written=layout.INDEX in hashes)
+    # The words of another version may be others.
+    if croissant and not names and dataset.meta.version == __version__:
+        yield from _wrong_words(dataset, there, labels, croissant)
+
+
+def _changed(dataset: Dataset, there: Collection[str], hashes: Mapping[str, str]) -> Iterator[Finding]:
+    """The files that are not as they were when the metadata took their hashes."""
+    for name in sorted(set(hashes) & set(there)):
+        content = read(dataset, name)
+        if isinstance(content, str):
+            yield _damaged(name, content, "a file that can be read")
+        elif (found := file_entry(content).sha256) == hashes[name]:
+            continue
+        elif _is_misprint(found, hashes[name]):
+            yield _damaged(layout.CROISSANT, f"sha256 {hashes[name]} of {name}", found)
+        else:
+            yield _damaged(name, f"sha256 {found}", f"{hashes[name]}, as {layout.CROISSANT} says")
+
+
+# ---- the labels, against plan, records and timings
+
+
+def _wrong_labels(dataset: Dataset, labels: pa.Table, samples: Samples, *, is_as_written: bool) -> Iterator[Finding]:
+    expected = build_index(dataset, sorted(samples.intact))
+    if labels.num_rows != expected.num_rows or STATUS not in labels.column_names:
+        yield _damaged(layout.INDEX, f"{labels.num_rows:,} rows", f"{expected.num_rows:,} rows, as of the plan")
+        return
+    found = labels[STATUS].to_pylist()
+    for sample in sorted({i for i, status in enumerate(found) if status == COMPLETE} - samples.there):
+        name = dataset.folders[sample]
+        yield Finding(Kind.DAMAGED, name, "missing", f"the sample, as {layout.INDEX} says", sample)
+    if late := [i for i in sorted(samples.intact) if found[i] != COMPLETE]:
+        expectation = "the labels of all samples that are there"
+        yield Finding(Kind.OUTDATED, layout.INDEX, f"{len(late)} samples came after it", expectation)
+    differences = list(_differences(dataset, labels, expected, sorted(samples.intact.difference(late))))
+    if is_as_written:
+        yield from (_blame_sample(dataset, *difference) for difference in differences)
+    elif differences:
+        column, sample, label, value = differences[0]
+        what = f"{len(differences)} labels that are not those of plan and samples"
+        yield _damaged(layout.INDEX, f"{what}, such as {column} = {label} of sample {sample}", f"{value}")
+
+
+def _differences(
+    dataset: Dataset, index: pa.Table, expected: pa.Table, known: Sequence[int]
+) -> Iterator[tuple[str, int, Any, Any]]:
+    """Column, sample, the label, and what plan, record or timing say."""
+    planned = set(dataset.plan.column_names)
+    for column in expected.column_names:
+        if column == STATUS:
+            continue
+        if column not in index.column_names:
+            yield column, 0, "no such column", "one"
+            continue
+        labels, values = index[column].to_pylist(), expected[column].to_pylist()
+        for sample in range(len(values)) if column in planned else known:
+            if labels[sample] != values[sample]:
+                yield column, sample, labels[sample], values[sample]
+
+
+def _blame_sample(dataset: Dataset, column: str, sample: int, label: Any, value: Any) -> Finding:
+    """The labels are as they were written, so plan, record or timing have changed since."""
+    found, expected = f"{column} = {value} of sample {sample}", f"{label}, as {layout.INDEX} says"
+    if column in dataset.plan.column_names:
+        return _damaged(layout.PLAN, found, expected)
+    name = layout.TIMING if column in OF_TIMING else layout.RECORD
+    return Finding(Kind.DAMAGED, f"{dataset.folders[sample]}/{name}", found, expected, sample)
+
+
+# ---- the metadata, which are written anew and compared
+
+
+def _wrong_words(
+    dataset: Dataset, there: Collection[str], labels: pa.Table, croissant: Mapping[str, Any]
+) -> Iterator[Finding]:
+    files = {name: dataset.store.read(name) for name in FILES if name in there}
+    expected = json.loads(write_croissant(dataset.meta, labels, files))
+    # The day on which it was written is known to it alone; files that are missing are named themselves.
+    told = {DATE} if set(_hashes(croissant)) <= set(there) else {DATE, "distribution"}
+    different = sorted(key for key in {*croissant, *expected} - told if croissant.get(key) != expected.get(key))
+    if not _is_date(croissant.get(DATE)):
+        different.append(DATE)
+    if different:
+        yield _damaged(layout.CROISSANT, f"other content of {', '.join(different)}", "what plan and labels say")
+
+
+def _hashes(croissant: Mapping[str, Any]) -> dict[str, str]:
+    """What the metadata says of the dataset's files, by name."""
+    try:
+        files = [entry for entry in croissant["distribution"] if "sha256" in entry]
+        return {entry["contentUrl"]: entry["sha256"] for entry in files}
+    except (KeyError, TypeError):
+        return {}
+
+
+def read_labels(dataset: Dataset) -> pa.Table | None:
+    """The labels as they were written; None where they cannot be read."""
+    content = read(dataset, layout.INDEX)
+    try:
+        return None if isinstance(content, str) else pq.read_table(pa.BufferReader(content))
+    except (pa.ArrowException, OSError, ValueError):
+        return None
+
+
+def _read_json(dataset: Dataset) -> dict[str, Any] | str:
+    content = read(dataset, layout.CROISSANT)
+    if isinstance(content, str):
+        return content
+    try:
+        found = json.loads(content)
+    except ValueError:
+        return "is damaged"
+    return found if isinstance(found, dict) else "is damaged"
+
+
+def _is_date(text: object) -> bool:
+    try:
+        date.fromisoformat(str(text))
+    except ValueError:
+        return False
+    return True
+
+
+def _is_misprint(found: str, claimed: str) -> bool:
+    """Hashes of two contents differ in nearly all digits; one that differs in a few has itself been changed."""
+    return sum(a != b for a, b in zip_longest(found, claimed)) <= MISPRINTS
+
+
+def _damaged(name: str, found: str, expected: str) -> Finding:
+    return Finding(Kind.DAMAGED, name, found, expected)

@@ -1,0 +1,166 @@
+"""Damaged datasets that `fgf verify --repair` makes whole again, with the real renderer on a small sphere."""
+
+import random
+import shutil
+
+import pyarrow.parquet as pq
+import pytest
+from typer.testing import CliRunner
+
+import fgf_warp.renderer
+from fgf_warp.errors import NumericalError
+from fgf_warp.locks import hold
+from generators.checking.verify import verify_dataset
+from generators.cli import app
+from generators.dataset.reader import Dataset
+from generators.planning.document import load_config
+from generators.planning.plan import build_plan
+from generators.running.run import generate
+from tests.generators.small_plan import content, write_config
+
+SAMPLES = ("data/train/000000", "data/train/000001", "data/train/000002", "data/train/000003")
+DAMAGED = (
+    *(f"{SAMPLES[0]}/radiance.exr", f"{SAMPLES[1]}/image.png", f"{SAMPLES[2]}/record.json"),
+    *(f"{SAMPLES[3]}/timing.json", "index.parquet", "data/train/metadata.parquet", "README.md", "contact_sheet.png"),
+)
+"""One of each kind of file, but those that tell of the others' hashes, and the config, which nothing else tells."""
+
+
+def make(folder, tmp_path, *overrides):
+    loaded = load_config(write_config(tmp_path), overrides)
+    generate(build_plan(loaded), loaded.to_bytes(folder), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory):
+    """Six samples, not to be changed."""
+    temporary = tmp_path_factory.mktemp("rendered")
+    return make(temporary / "small", temporary)
+
+
+@pytest.fixture
+def folder(rendered, tmp_path):
+    """A copy of them."""
+    return shutil.copytree(rendered, tmp_path / "small")
+
+
+def repair(folder):
+    return CliRunner().invoke(app, ["verify", str(folder), "--repair"])
+
+
+def is_whole(folder):
+    return verify_dataset(Dataset(folder), deep=True).is_whole
+
+
+def flip(path):
+    data = bytearray(path.read_bytes())
+    data[random.Random(path.name).randrange(len(data))] ^= 4
+    path.write_bytes(bytes(data))
+
+
+def truncate(path):
+    path.write_bytes(path.read_bytes()[:-30])
+
+
+def delete(path):
+    path.unlink()
+
+
+@pytest.mark.parametrize("damage", [flip, truncate, delete])
+def test_every_kind_of_file_is_named_and_healed(folder, rendered, damage):
+    before = content(folder)
+    for name in DAMAGED:
+        damage(folder / name)
+    outcome = repair(folder)
+    assert outcome.exit_code == 0, outcome.output
+    assert [name for name in DAMAGED if f"{name}: " not in outcome.stdout] == []
+    assert "all is as it should be" in outcome.stdout
+    assert content(folder) == before
+    assert is_whole(folder)
+
+
+@pytest.mark.parametrize("damage", [flip, truncate, delete])
+@pytest.mark.parametrize("name", ["plan.parquet", "croissant.json"])
+def test_plan_and_metadata_are_named_and_healed(folder, name, damage):
+    before = content(folder)
+    damage(folder / name)
+    outcome = repair(folder)
+    assert outcome.exit_code == 0, outcome.output
+    assert f"{name}: " in outcome.stdout
+    assert content(folder) == before
+    assert is_whole(folder)
+
+
+def test_a_sample_that_is_gone_comes_back(folder):
+    before = content(folder)
+    shutil.rmtree(folder / SAMPLES[1])
+    assert repair(folder).exit_code == 0
+    assert content(folder) == before
+
+
+def test_samples_of_different_depth_come_back_as_deep(tmp_path):
+    """With an error to aim at, each sample has its own number of samples per pixel, reached in several rounds."""
+    data = make(tmp_path / "data", tmp_path, "spp=null", "quality={target_error: 0.03, max_spp: 512}")
+    spp = pq.read_table(data / "index.parquet")["spp"].to_pylist()
+    assert len(set(spp)) > 1
+    before = content(data)
+    flip(data / SAMPLES[0] / "radiance.exr")
+    (data / SAMPLES[1] / "record.json").unlink()
+    outcome = repair(data)
+    assert outcome.exit_code == 0, outcome.output
+    assert content(data) == before
+
+
+def test_what_a_person_wrote_is_kept(folder):
+    text = (folder / "README.md").read_text() + "\nOur own words.\n"
+    (folder / "README.md").write_text(text)
+    (folder / "notes.txt").write_text("mine")
+    (folder / "data/train/.000003.0123456789ab.partial").mkdir()
+    outcome = repair(folder)
+    assert outcome.exit_code == 4
+    assert (folder / "run/README.replaced.md").read_text() == text
+    assert (folder / "notes.txt").read_text() == "mine"
+    assert not (folder / "data/train/.000003.0123456789ab.partial").exists()
+    assert "notes.txt: a file that is not of the dataset" in outcome.stdout.splitlines()[-2]
+
+
+def test_nothing_is_lost_where_a_render_fails(folder, monkeypatch):
+    flip(folder / SAMPLES[0] / "radiance.exr")
+    (folder / SAMPLES[1] / "image.png").unlink()
+    before = content(folder)
+
+    def fails(*_):
+        raise NumericalError("3 samples are not finite")
+
+    monkeypatch.setattr(fgf_warp.renderer, "develop", fails)
+    outcome = repair(folder)
+    assert outcome.exit_code == 4
+    assert "sample 0 could not be rendered again: 3 samples are not finite" in outcome.stdout
+    assert content(folder) == before
+
+
+def test_a_config_of_something_else_makes_nothing_anew(folder):
+    flip(folder / SAMPLES[0] / "image.png")
+    config = folder / "config.yaml"
+    config.write_text(config.read_text().replace("seed: 7", "seed: 8"))
+    before = content(folder)
+    outcome = repair(folder)
+    assert outcome.exit_code == 2
+    assert "config.yaml: plans another dataset than the one that is there" in outcome.stderr
+    config.unlink()
+    outcome = repair(folder)
+    assert outcome.exit_code == 2
+    assert "config.yaml is missing" in outcome.stderr
+    assert content(folder).items() <= before.items()
+
+
+def test_a_dataset_that_a_run_is_at_work_on_is_left_alone(folder):
+    flip(folder / SAMPLES[0] / "image.png")
+    (folder / "data/train/.000003.0123456789ab.partial").mkdir()
+    with hold(folder / "run/shard-0-of-1.lock", wait=False):
+        looked = CliRunner().invoke(app, ["verify", str(folder)])
+        outcome = repair(folder)
+    assert "half-written" not in looked.stdout
+    assert outcome.exit_code == 2
+    assert "a run is under way in this folder, on shard 0/1" in outcome.stderr
