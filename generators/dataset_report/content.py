@@ -158,7 +158,7 @@ def _facts(dataset: Dataset, labels: pa.Table) -> dict[str, str]:
         "mean relative standard error": f"{sum(errors) / len(errors):.3g}" if errors else "",
         "time of rendering": _duration(sum(seconds)) if seconds else "",
         "time per sample": f"{sum(seconds) / len(seconds):.3g} s" if seconds else "",
-        "size of the samples": f"{size / 1e6:,.3g} MB",
+        "size of the samples": f"{size / 1e9:.3g} GB" if size >= 1e9 else f"{size / 1e6:.3g} MB",
         "seed": str(meta.seed),
         "licence": meta.license,
         "made with": f"FGF-Warp {meta.version} on {meta.device}",

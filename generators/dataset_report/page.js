@@ -130,7 +130,8 @@ function cellOf(indices) {
   const pictured = done.filter((index) => index in data.thumbnails);
   const index = [...pictured, ...done, ...indices][0];
   const walk = [index, ...indices.filter((other) => other !== index)];
-  const what = index in data.thumbnails ? thumbnail(index) : data.status[index];
+  const words = data.status[index] === "complete" ? `sample ${index}` : data.status[index];
+  const what = index in data.thumbnails ? thumbnail(index) : words;
   const cell = make(
     "button",
     { type: "button", class: `cell ${data.status[index]}`, title: captionOf(index), onclick: () => open(index, walk) },

@@ -80,7 +80,7 @@ def _way_to(dataset: Dataset, path: Path | None) -> str | None:
 def _thumbnails_text(shown: int, complete: int) -> str:
     if shown == complete:
         return ""
-    return f"{shown:,} of {complete:,} samples are pictured, evenly spaced, so that the page stays small."
+    return f"{shown:,} of {complete:,} samples are pictured, spread over all of them, so that the page stays small."
 
 
 def _as_script(table: object) -> str:

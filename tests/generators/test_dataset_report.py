@@ -67,7 +67,10 @@ def test_words_of_a_dataset_stay_words(tmp_path):
 
 def test_many_samples_are_shown_by_some(tmp_path):
     assert choose_shown(range(10), 20) == list(range(10))
-    assert choose_shown(range(10, 50), 4) == [10, 20, 30, 40]
+    shown = choose_shown(range(10, 10_010), 2000)
+    assert [(index - 10) // 5 for index in shown] == list(range(2000))
+    # Of an axis whose ten values repeat along the samples, each is shown.
+    assert min(sum(index % 10 == value for index in shown) for value in range(10)) > 150
 
 
 def test_the_command_names_the_sample(dataset):
