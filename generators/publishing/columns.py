@@ -126,7 +126,7 @@ def _targets(records: tuple[Record, ...]) -> Iterator[Column]:
     for name in _names(TARGETS, (record.targets for record in records)):
         values = [record.targets.get(name) for record in records]
         kind = pa.list_(pa.float64()) if any(isinstance(value, list) for value in values) else pa.float64()
-        yield Column(name, kind, TARGETS.get(name, "target"))
+        yield Column(name, kind, *TARGETS.get(name, ("target", "")))
 
 
 def _names(known: Iterable[str], found: Iterable[Any]) -> list[str]:

@@ -156,6 +156,7 @@ def test_curves_are_lists_and_infinite_means_are_null(dataset):
     publish(dataset)
     table = pq.read_table(dataset.store.folder / layout.INDEX)
     assert table.schema.field("transmittance").type == pa.list_(pa.float64())
+    assert table.schema.field("mean_free_path").metadata[b"unit"] == b"unit"
     assert table["transmittance_t"][7].as_py() == [0.0, 1.0]
     assert table["mean_free_path"][0].as_py() is None
     assert table["mean_free_path"][1].as_py() == 1.5
