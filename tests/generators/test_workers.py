@@ -125,7 +125,7 @@ def kill_and_resume(folder, whole, samples_before, options, resumes):
 
 
 def test_a_run_that_is_killed_goes_on_in_another_way(tmp_path, whole):
-    kill_and_resume(tmp_path, whole, 5, ["--workers", "2"], [(1, Shard(1, 2)), (1, Shard(0, 2))])
+    kill_and_resume(tmp_path, whole, 5, [], [(1, Shard(1, 2)), (1, Shard(0, 2))])
 
 
 WAYS = [[(1, Shard())], [(2, Shard())], [(1, Shard(0, 3)), (2, Shard(2, 3)), (1, Shard(1, 3))]]
