@@ -43,7 +43,7 @@ class Sample:
         index: position in the dataset, from 0.
         split: that it belongs to.
         parameters: values of the axes, by column, in their order.
-        seed: of the render, in [0, 2^64).
+        seed: of the render, in [0, 2^63).
         medium: the swept one with its parameters; None where the scene has none.
         scene: hash of its scene, up to the swept medium.
     """
@@ -163,7 +163,7 @@ def plan_table(plan: Plan) -> pa.Table:
     columns: dict[str, tuple[pa.DataType, list[Any]]] = {
         INDEX: (pa.int64(), [sample.index for sample in plan.samples]),
         SPLIT: (pa.string(), [sample.split for sample in plan.samples]),
-        SEED: (pa.uint64(), [sample.seed for sample in plan.samples]),
+        SEED: (pa.int64(), [sample.seed for sample in plan.samples]),
     }
     for axis in plan.meta.axes:
         kind = pa.string() if axis.category else pa.float64()

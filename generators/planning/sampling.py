@@ -3,10 +3,10 @@
 The combinations of the axes' values, times the draws, are numbered in order: that is a sample's *position*. Where
 constraints leave positions out, the samples that remain are numbered anew: that is a sample's *index*.
 
-Seeds. With ``S = numpy.random.SeedSequence(dataset_seed, spawn_key=key)``, a sample's seed is the first 64-bit word of
-S at ``key = (index,)``; the value of a random axis is the axis's quantile at the first 53 bits of S at
-``key = (position, *ascii codes of the axis's name)``. So a sample depends on the dataset's seed, its number and the
-axis's name alone: neither on the order of rendering nor on what other axes there are.
+Seeds. With ``S = numpy.random.SeedSequence(dataset_seed, spawn_key=key)``, a sample's seed is the first 63 bits of S
+at ``key = (index,)``, an integer wherever labels are loaded; the value of a random axis is the axis's quantile at the
+first 53 bits of S at ``key = (position, *ascii codes of the axis's name)``. So a sample depends on the dataset's seed,
+its number and the axis's name alone: neither on the order of rendering nor on what other axes there are.
 
 Designs. A Latin hypercube and a scrambled Sobol sequence fill the ranges of all drawn axes at once, more evenly than
 independent draws. Their points depend on the dataset's seed and on how many drawn axes there are, in which order, and
@@ -40,8 +40,8 @@ DESIGN_KEY = 2**31
 
 
 def sample_seed(dataset_seed: int, index: int) -> int:
-    """Seed of a sample, in [0, 2^64); the module says how."""
-    return _word(dataset_seed, index)
+    """Seed of a sample, in [0, 2^63); the module says how."""
+    return _word(dataset_seed, index) >> 1
 
 
 def position_count(sweep: Sweep, draws: int) -> int:

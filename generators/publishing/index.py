@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from generators.dataset import layout
-from generators.dataset.plan_table import INDEX, SEED, SPLIT
+from generators.dataset.plan_table import INDEX, SPLIT
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Record, Timing
 from generators.publishing.columns import COMPLETE, EXR, FAILED, MISSING, PNG, STATUS, columns_of
@@ -56,15 +56,6 @@ def _reached(record: Record, timing: Timing, folder: str, *, png: bool) -> Mappi
     }
 
 
-def label_schema(index: pa.Table) -> pa.Schema:
-    """Of the labels of complete samples; as `index`, but for the status, and with seeds as text.
-
-    Half of all seeds are beyond the integers of 64 bits with a sign, which are all that ``datasets`` builds tables of.
-    """
-    fields = [field for field in index.schema if field.name != STATUS]
-    return pa.schema([field.with_type(pa.string()) if field.name == SEED else field for field in fields])
-
-
 def split_labels(index: pa.Table, split: str) -> pa.Table:
     """The labels of the complete samples of a split.
 
@@ -73,7 +64,7 @@ def split_labels(index: pa.Table, split: str) -> pa.Table:
         split: its name.
     """
     there = index.filter(pc.and_(pc.equal(index[SPLIT], split), pc.equal(index[STATUS], COMPLETE)))
-    return there.drop_columns([STATUS]).cast(label_schema(index))
+    return there.drop_columns([STATUS])
 
 
 def with_file_names(labels: pa.Table) -> pa.Table:

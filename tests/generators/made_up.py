@@ -62,9 +62,8 @@ def make_dataset(location: Path | str, missing: Iterable[int] = (), failed: Iter
 
 
 def plan_table(rows: list[dict]) -> pa.Table:
-    """The rows with the types of their columns; seeds need all 64 bits."""
-    types = {"index": pa.int64(), "seed": pa.uint64(), "L": pa.float64()}
-    return pa.table({name: pa.array([row[name] for row in rows], types.get(name)) for name in rows[0]})
+    """The rows with the types of their columns, of which L has no values."""
+    return pa.table({name: pa.array([row[name] for row in rows], {"L": pa.float64()}.get(name)) for name in rows[0]})
 
 
 def plan_rows() -> list[dict]:
@@ -76,7 +75,7 @@ def plan_rows() -> list[dict]:
             {
                 "index": index,
                 "split": layout.SPLITS[(0, 0, 0, 0, 1, 2)[index % 6]],
-                "seed": 2**63 + index,
+                "seed": 2**62 + index,
                 "H": hurst,
                 "g": asymmetry,
                 "S_w": scale,

@@ -40,7 +40,7 @@ def dataset_of(folder, axes, rows, width=16, height=12, missing=(), rendered=Tru
     meta = replace(META, name="trial", axes=tuple(axes), width=width, height=height, aovs=())
     store, count = Store(folder), len(rows)
     columns = {axis.name: [row[axis.name] for row in rows] for axis in axes}
-    fixed = {"index": range(count), "split": ["train"] * count, "seed": pa.array(range(count), pa.uint64())}
+    fixed = {"index": range(count), "split": ["train"] * count, "seed": range(count)}
     store.write(layout.PLAN, write_plan(meta, pa.table({**fixed, **columns})))
     for index in set(range(count)) - set(missing) if rendered else ():
         render = made_up_render(RenderSettings(width=width, height=height, spp=1, seed=index, aovs=frozenset()))

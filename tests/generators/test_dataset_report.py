@@ -46,7 +46,7 @@ def test_it_holds_what_is_known_of_every_sample(data, dataset):
     assert column(data, "H")["values"] == dataset.plan["H"].to_pylist()
     assert column(data, "H")["grid"] == [-0.5, -0.25, -0.1]
     assert column(data, "look")["category"]
-    assert column(data, "seed")["values"][1] == str(2**63 + 1)
+    assert column(data, "seed")["values"][1] == str(2**62 + 1)
     assert column(data, "luminance_mean")["group"] == "statistic"
     assert column(data, "render_seconds")["values"][MISSING] is None
     assert {"name": "sigma_m", "value": 2.0} in data["constants"]

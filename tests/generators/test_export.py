@@ -97,7 +97,7 @@ def test_arrays_hold_images_and_labels(dataset, tmp_path):
     ]
     arrays = np.load(tmp_path / "out/validation.npz", allow_pickle=False)
     rows = [row for row in plan_rows() if row["split"] == "validation"]
-    assert arrays["seed"].dtype == np.uint64
+    assert arrays["seed"].dtype == np.int64
     assert arrays["seed"].tolist() == [row["seed"] for row in rows]
     assert arrays["look"].tolist() == [row["look"] for row in rows]
     assert np.isnan(arrays["L"]).all()

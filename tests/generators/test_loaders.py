@@ -61,12 +61,6 @@ def pixels_of(file):
     return image.read_image("uint8")
 
 
-def labels_of(index):
-    """The plan's row as loaders give it: seeds as text."""
-    row = plan_rows()[index]
-    return {**row, "seed": str(row["seed"])}
-
-
 def test_datasets_loads_views_with_all_labels_by_split(offline, dataset):
     loaded = offline.load_dataset(dataset.store.location)
     assert {split: rows.num_rows for split, rows in loaded.items()} == SPLITS
@@ -74,7 +68,7 @@ def test_datasets_loads_views_with_all_labels_by_split(offline, dataset):
     for rows in loaded.values():
         assert set(rows.column_names) == {*columns, "image"}
         for row in rows:
-            assert labels_of(row["index"]).items() <= row.items()
+            assert plan_rows()[row["index"]].items() <= row.items()
             assert np.array_equal(np.asarray(row["image"]), pixels_of(dataset.store.folder / row["png"]))
 
 
@@ -107,7 +101,7 @@ def test_without_views_datasets_loads_the_labels(offline, dataset, tmp_path):
     loaded = offline.load_dataset(str(tmp_path / "train_labels"))
     assert {split: rows.num_rows for split, rows in loaded.items()} == SPLITS
     for row in loaded["train"]:
-        assert labels_of(row["index"]).items() <= row.items()
+        assert plan_rows()[row["index"]].items() <= row.items()
 
 
 def test_croissant_is_valid_and_its_hash_is_that_of_the_labels(offline, dataset, caplog):
@@ -162,7 +156,7 @@ def test_webdataset_loads_the_shards(offline, dataset, exports, split):
     for sample in samples:
         assert re.fullmatch(r"\d{6}", sample["__key__"])
         labels = sample["json"]
-        assert labels_of(int(sample["__key__"])).items() <= labels.items()
+        assert plan_rows()[int(sample["__key__"])].items() <= labels.items()
         assert type(labels["S_w"]) is float
         assert type(labels["spp"]) is int
         folder = dataset.store.folder / dataset.folders[labels["index"]]
@@ -181,7 +175,7 @@ def test_datasets_loads_the_tables(offline, dataset, exports):
     loaded = offline.load_dataset(str(exports["parquet"]))
     assert {split: rows.num_rows for split, rows in loaded.items()} == SPLITS
     for row in loaded["test"]:
-        assert labels_of(row["index"]).items() <= row.items()
+        assert plan_rows()[row["index"]].items() <= row.items()
         folder = dataset.store.folder / dataset.folders[row["index"]]
         assert np.array_equal(np.asarray(row["image"]), pixels_of(folder / layout.IMAGE))
         assert row["exr"] == (folder / layout.RADIANCE).read_bytes()

@@ -192,14 +192,14 @@ def test_the_number_of_the_gpu_does_not_change_the_digest(plan_of):
 def test_seeds_are_as_documented_and_all_differ():
     for dataset_seed in (0, 1, 2**64 - 1):
         expected = np.random.SeedSequence(dataset_seed, spawn_key=(3,)).generate_state(1, np.uint64)[0]
-        assert sample_seed(dataset_seed, 3) == int(expected)
+        assert sample_seed(dataset_seed, 3) == int(expected) >> 1
     seeds = {sample_seed(dataset_seed, index) for dataset_seed in range(20) for index in range(500)}
     assert len(seeds) == 20 * 500
 
 
 def test_seeds_of_a_few_samples_are_these():
     # Held here so that a new version of NumPy cannot change what an old config makes.
-    assert [sample_seed(0, index) for index in range(2)] == [8668861027912758289, 4881901421217228719]
+    assert [sample_seed(0, index) for index in range(2)] == [8668861027912758289 // 2, 4881901421217228719 // 2]
 
 
 def test_random_values_depend_on_seed_index_and_axis_alone(plan_of):

@@ -84,12 +84,10 @@ def test_labels_are_those_of_plan_record_and_timing(published, labels):
 
 def test_seeds_keep_all_their_bits(published):
     table = pq.read_table(published.store.folder / layout.INDEX)
-    assert table.schema.field("seed").type == pa.uint64()
+    assert table.schema.field("seed").type == pa.int64()
     assert table["seed"].to_pylist() == [row["seed"] for row in plan_rows()]
     train = pq.read_table(published.store.folder / layout.split_metadata("train"))
-    assert train["seed"].to_pylist() == [
-        str(row["seed"]) for row in plan_rows() if row["index"] in train["index"].to_pylist()
-    ]
+    assert train["seed"].to_pylist() == [plan_rows()[index]["seed"] for index in train["index"].to_pylist()]
 
 
 def test_every_column_is_flat_and_says_what_it_means(published):

@@ -205,7 +205,7 @@ def other_seed(channels, header):
         (without_depth, "channels A, B, G, R, variance.B, variance.G, variance.R; expected: A, B, G, R, Z, variance.B"),
         (narrower, "15 x 12 pixels; expected: 16 x 12"),
         (brighter, "red_mean = "),
-        (other_seed, f"seed {2**63 + 3} in the header; expected: {2**63 + 2}"),
+        (other_seed, f"seed {2**62 + 3} in the header; expected: {2**62 + 2}"),
     ],
 )
 def test_deep_looks_into_the_radiance(folder, change, message):

@@ -15,7 +15,6 @@ import pyarrow as pa
 from fgf_warp.output.exr import AOV_CHANNELS
 from fgf_warp.settings import Aov
 from generators.dataset.images import decode_channels
-from generators.dataset.plan_table import SEED
 from generators.publishing.exports.samples import Split
 
 DATE = (1980, 1, 1, 0, 0, 0)
@@ -81,8 +80,6 @@ def _member(archive: zipfile.ZipFile, name: str) -> IO[bytes]:
 
 def _array(name: str, column: pa.ChunkedArray) -> np.ndarray:
     values = column.to_pylist()
-    if name == SEED:
-        return np.array([int(value) for value in values], np.uint64)
     if pa.types.is_string(column.type):
         return np.array([value or "" for value in values], np.str_)
     if pa.types.is_list(column.type):
