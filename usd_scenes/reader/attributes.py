@@ -162,7 +162,8 @@ def read_token(attribute: Usd.Attribute, time: Usd.TimeCode, accepted: tuple[str
 
 
 def _as_written(number: float) -> float:
-    return float(str(np.float32(number)))
+    # Not by str(), whose digits depend on NumPy's print options, which libraries change when they are imported.
+    return float(np.format_float_scientific(np.float32(number)))
 
 
 def _refusal(attribute: Usd.Attribute, value: object, accepted: str) -> SceneError:
