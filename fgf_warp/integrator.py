@@ -275,6 +275,7 @@ def build_program(features: RenderFeatures) -> Program:
     intersect_lights, sample_any_light, any_light_pdf, any_radiance = build_lights(
         all_light_kinds, has_light_images, features.shaping
     )
+    kinds_code = sum(1 << kind for kind in solid_kinds) + sum(1 << 8 + kind for kind in light_kinds)
     has_beyond = features.distant_lights or features.dome_image
     meets_emitters = has_surfaces or features.connections
     bsdf_count = int(LANES) if features.shading else 0
@@ -1857,6 +1858,8 @@ def build_program(features: RenderFeatures) -> Program:
         first_sample: int,
         sample_count: int,
     ):
+        # Tells these kernels apart: Warp's hash of a function does not see what depends on the variable of a loop.
+        _kinds = wp.static(kinds_code)
         pool = scratch.ptr
         scene = scene_of_image(batch, image)
         seed = scene.seeds[image]

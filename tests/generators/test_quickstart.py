@@ -16,8 +16,11 @@ def test_a_part_of_quickstart_is_the_same_for_one_worker_and_two(tmp_path):
         arguments = [str(CONFIGS / "quickstart.yaml"), *small, "--out", str(tmp_path / str(workers))]
         outcome = CliRunner().invoke(app, ["generate", *arguments, "--workers", str(workers)])
         assert outcome.exit_code == 0, outcome.output
-    for name in ("images/000000.exr", "images/000001.exr", "images/000000.png", "contact_sheet.png"):
+    images = [
+        f"data/train/{sample}/{name}" for sample in ("000000", "000001") for name in ("radiance.exr", "image.png")
+    ]
+    for name in (*images, "contact_sheet.png"):
         assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
-    channels, header = read_exr(tmp_path / "1" / "images" / "000001.exr")
+    channels, header = read_exr(tmp_path / "1/data/train/000001/radiance.exr")
     assert channels["R"].max() > 0
     assert [medium["H"] for medium in header["media"]].count(-0.1) == 1

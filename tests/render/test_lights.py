@@ -274,6 +274,7 @@ def test_media_under_intricate_lights(kind, detects, monkeypatch):
     stats.assert_images_agree(connected, found, blocks=2, detects=detects)
 
 
+@pytest.mark.slow
 def test_links_of_media(monkeypatch):
     """A light shines in a block that it is linked to as if it were free; a block that casts no shadow dims nothing."""
     chosen(monkeypatch, 0)

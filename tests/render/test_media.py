@@ -162,10 +162,10 @@ def test_a_medium_that_stands_on_a_floor(kinds):
     ("regime", "transport"),
     [
         *itertools.product(("white", "pink", "fbm"), ("reciprocal", "renewal")),
-        *itertools.product(("pink", "exact fbm"), ("mixed",)),
+        ("pink", "mixed"),
         ("kfbm", "reciprocal"),
-        ("exact fbm", "reciprocal"),
         ("negative", "renewal"),
+        *(pytest.param("exact fbm", transport, marks=pytest.mark.slow) for transport in ("mixed", "reciprocal")),
     ],
 )
 def test_chromatic_extinction_is_three_media(regime, transport):
