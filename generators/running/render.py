@@ -228,9 +228,8 @@ class _Writer:
         seconds = time.perf_counter() - started
         timing = Timing(result.seconds, seconds, f"{platform.node()}:{os.getpid()}", self._attempt)
         folder = layout.sample_folder(sample.split, sample.index)
-        if self._way.repairs:
-            self._store.remove(folder)
-        self._store.commit(folder, {**files, layout.RECORD: encode(record), layout.TIMING: encode(timing)})
+        files |= {layout.RECORD: encode(record), layout.TIMING: encode(timing)}
+        self._store.commit(folder, files, replaces=self._way.repairs)
         return Finished(sample.index, result.seconds)
 
 
