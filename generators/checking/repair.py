@@ -14,6 +14,7 @@ from generators.checking.findings import Kind, Verification
 from generators.checking.published import read_labels
 from generators.checking.verify import verify_dataset
 from generators.dataset import layout
+from generators.dataset.plan_table import INDEX
 from generators.dataset.reader import Dataset
 from generators.dataset.record import decode_record
 from generators.dataset.store import Store
@@ -99,10 +100,11 @@ def _render_damaged(dataset: Dataset, found: Verification) -> Iterator[str]:
 
 
 def _reached(dataset: Dataset, damaged: list[int], found: Verification) -> dict[int, int]:
-    """Samples per pixel that samples had, as their records say, or the labels of those whose record is damaged."""
-    names = {finding.name for finding in found.findings}
-    labels = read_labels(dataset)
-    of_labels = {} if labels is None else dict(zip(labels["index"].to_pylist(), labels["spp"].to_pylist(), strict=True))
+    """Samples per pixel that samples had, as their records say, or intact labels where a record is damaged."""
+    names = {finding.name for finding in found.of(Kind.DAMAGED)}
+    # What damaged labels say would be rendered as if it were true.
+    labels = None if layout.INDEX in names else read_labels(dataset)
+    of_labels = {} if labels is None else dict(zip(labels[INDEX].to_pylist(), labels["spp"].to_pylist(), strict=True))
     reached = {}
     for index in damaged:
         folder = dataset.folders[index]

@@ -95,8 +95,7 @@ def read_status(dataset: Dataset, now: datetime | None = None) -> Status:
     complete, failures = set(dataset.complete()), dataset.failures()
     splits = dataset.plan[SPLIT].to_pylist()
     states = [
-        "complete" if index in complete else "failed" if index in failures else "missing"
-        for index in range(len(splits))
+        COMPLETE if index in complete else FAILED if index in failures else MISSING for index in range(len(splits))
     ]
     counted = Counter(zip(splits, states, strict=True))
     return Status(

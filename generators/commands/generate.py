@@ -80,6 +80,7 @@ def generate(
       fgf generate sweep.yaml --shard 0/4            on the first of four machines that share a folder
       fgf generate sweep.yaml --executor slurm --workers 32 --cores 4 --slurm partition=cpu --slurm time=240
     """  # noqa: D301
+    from generators.dataset.store import Store  # noqa: PLC0415
     from generators.running import run  # noqa: PLC0415
     from generators.running.shard import Shard  # noqa: PLC0415
 
@@ -96,7 +97,7 @@ def generate(
     warn(plan.warnings)
     with _shown_progress() as (show, begun):
         try:
-            text = loaded.to_bytes(None if "://" in location else Path(location))
+            text = loaded.to_bytes(Store(location).folder)
             report = run.generate(plan, text, location, shard=part, only=sample, workers=asked, on_progress=show)
         except OutputError as error:
             if not begun():

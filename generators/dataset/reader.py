@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from fnmatch import fnmatch
 from functools import cached_property
 from pathlib import Path
 
 import pyarrow as pa
 
 from fgf_warp.errors import ConfigError, CorruptFileError
+from fgf_warp.output.atomic import PARTIAL_GLOB
 from generators.dataset import layout
 from generators.dataset.plan_table import INDEX, SPLIT, PlanMeta, read_plan
 from generators.dataset.record import (
@@ -80,7 +82,13 @@ class Dataset:
         """Why samples that were tried are not there, by index."""
         found = {}
         for name in self.store.sizes(layout.FAILURES):
-            failure = decode_failure(self.store.read(name), f"{self.store.location}/{name}")
+            if fnmatch(name.rpartition("/")[2], PARTIAL_GLOB):
+                continue  # it is being written, by another shard's run
+            try:
+                content = self.store.read(name)
+            except FileNotFoundError:
+                continue  # the sample has been finished since
+            failure = decode_failure(content, f"{self.store.location}/{name}")
             found[failure.index] = failure
         return found
 

@@ -147,12 +147,13 @@ class Store:
                 self.remove(name)
             raise
 
-    def commit(self, folder: str, files: dict[str, bytes]) -> bool:
-        """Makes a sample visible, whole.
+    def commit(self, folder: str, files: dict[str, bytes], *, replaces: bool = False) -> bool:
+        """Makes a sample visible, whole, in the place of one without a record.
 
         Args:
             folder: of the sample.
             files: content by name, the record among them.
+            replaces: whether it takes the place of one with a record too.
 
         Returns:
             False where it was already there; it is left as it is.
@@ -162,9 +163,11 @@ class Store:
         """
         with self._writing(folder):
             if self.folder:
-                return _commit_folder(self.folder / folder, files)
+                return _commit_folder(self.folder / folder, files, replaces)
             if self.exists(f"{folder}/{layout.RECORD}"):
-                return False
+                if not replaces:
+                    return False
+                self.remove(folder)
             for name in sorted(files, key=lambda name: name == layout.RECORD):
                 self._fs.pipe_file(self._path(f"{folder}/{name}"), files[name])
             return True
@@ -187,10 +190,10 @@ class Store:
             raise OutputError(f"{self.location}/{name}: cannot be written: {error.strerror or error}") from error
 
 
-def _commit_folder(target: Path, files: dict[str, bytes]) -> bool:
+def _commit_folder(target: Path, files: dict[str, bytes], replaces: bool) -> bool:
     """By way of a hidden folder that is on the disk before it gets its name."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    hidden = target.with_name(f".{target.name}.{uuid.uuid4().hex[:12]}.partial")
+    hidden = _hidden(target)
     try:
         hidden.mkdir()
         for name, content in files.items():
@@ -202,15 +205,25 @@ def _commit_folder(target: Path, files: dict[str, bytes]) -> bool:
         try:
             hidden.rename(target)
         except OSError:
-            if not (target / layout.RECORD).is_file():
+            if not target.is_dir():
                 raise
-            shutil.rmtree(hidden)
-            return False
+            if not replaces and (target / layout.RECORD).is_file():
+                shutil.rmtree(hidden)
+                return False
+            # What is there goes only now that the new one is on the disk.
+            old = target.rename(_hidden(target))
+            hidden.rename(target)
+            shutil.rmtree(old)
         _sync_folder(target.parent)
         return True
     except BaseException:
         shutil.rmtree(hidden, ignore_errors=True)
         raise
+
+
+def _hidden(folder: Path) -> Path:
+    """A name beside it that a later run sweeps, see `Store.sweep`."""
+    return folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:12]}.partial")
 
 
 def _sync_folder(folder: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from fgf_warp.scene import Medium
 from generators.law import evaluate_law
 
 TRANSMITTANCE, MEAN_FREE_PATH = "transmittance", "mean_free_path"
@@ -16,11 +17,11 @@ TARGETS: dict[str, tuple[str, str]] = {
 """What `compute_targets` gives, with meaning and unit."""
 
 
-def compute_targets(row: Mapping[str, Any], targets: Mapping[str, Any]) -> dict[str, Any]:
+def compute_targets(medium: Medium, targets: Mapping[str, Any]) -> dict[str, Any]:
     """The targets of one sample.
 
     Args:
-        row: of the plan, with the labels of the swept medium.
+        medium: the swept one, by the law that is in force in it, which a grey extinction color goes into.
         targets: that are asked for, as in `PlanMeta`: ``transmittance`` with its lengths [unit] as ``t``, and
             ``mean_free_path``.
 
@@ -32,13 +33,13 @@ def compute_targets(row: Mapping[str, Any], targets: Mapping[str, Any]) -> dict[
     """
     curve = targets.get(TRANSMITTANCE)
     law = evaluate_law(
-        hurst=row["H"],
+        hurst=medium.hurst,
         white_noise_scale=None,
-        mean_extinction=row["sigma_m"],
-        outer_scale=row["L"],
-        kappa=row["kappa"],
-        line_variance=row["line_variance"],
-        lengths=curve["t"] if curve else None,
+        mean_extinction=medium.line_law.mean_extinction,
+        outer_scale=medium.outer_scale,
+        kappa=medium.line_law.kappa,
+        line_variance=medium.line_variance,
+        lengths=curve["t"] if curve else (),
     )
     found = {TRANSMITTANCE: law["transmittance"], "transmittance_t": law["t"]} if curve else {}
     return {**found, MEAN_FREE_PATH: law["mean_free_path"]} if MEAN_FREE_PATH in targets else found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from contextlib import suppress
 from datetime import UTC, datetime
 from types import TracebackType
 from typing import Any, BinaryIO
@@ -50,7 +51,9 @@ class EventLog:
     ) -> None:
         if self._file:
             self._file.close()
-        elif error is None:
+            return
+        # What ended the run is worth telling too, and more than that it could not be told.
+        with suppress(*() if error is None else (OutputError,)):
             self._upload()
 
     def write(self, event: str, **details: Any) -> None:

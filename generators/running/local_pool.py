@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from fgf_warp.errors import FgfError
 from generators.dataset.store import Store
-from generators.running.messages import Chunk, Ended, Lost, Message
+from generators.running.messages import Chunk, Ended, Lost, Message, in_one_line
 from generators.running.render import Way, render_chunk
 
 if TYPE_CHECKING:
@@ -64,9 +64,10 @@ class LocalPool:
     def submit(self, chunks: list[Chunk]) -> None:
         """Hands each chunk to an idle process, or to a new one."""
         for chunk in chunks:
-            worker = next((worker for worker in self._workers if worker.chunk is None), None) or self._start()
+            idle = (worker for worker in self._workers if worker.chunk is None and worker.process.is_alive())
+            worker = next(idle, None) or self._start()
             worker.chunk = chunk
-            # One that has died since is found by `wait`.
+            # One that dies now is found by `wait`.
             with suppress(OSError):
                 worker.pipe.send(chunk)
 
@@ -97,18 +98,24 @@ class LocalPool:
         try:
             found = worker.pipe.recv()
         except (EOFError, OSError):
-            self._workers.remove(worker)
-            worker.process.join()
+            self._retire(worker)
             if worker.chunk:
                 yield Lost(worker.chunk, worker.name, _end_of(worker.process))
             return
         if isinstance(found, FgfError):
             raise found
-        if not isinstance(found, Ended | Lost):
-            yield found
-            return
-        worker.chunk = None
+        if isinstance(found, Lost):
+            # It has told why it ends; a chunk that it got now would be lost for nothing.
+            self._retire(worker)
+        elif isinstance(found, Ended):
+            worker.chunk = None
         yield found
+
+    def _retire(self, worker: _Worker) -> None:
+        """Waits for the end of a process, which gets no further chunk."""
+        self._workers.remove(worker)
+        worker.process.join()
+        worker.pipe.close()
 
 
 def _end_of(process: BaseProcess) -> str:
@@ -133,7 +140,7 @@ def _serve(pipe: Connection, plan: Plan, location: str, way: Way) -> None:
         except FgfError as error:
             pipe.send(error)
         except Exception as error:
-            pipe.send(Lost(chunk, f"process {os.getpid()}", f"{type(error).__name__}: {error}"))
+            pipe.send(Lost(chunk, f"process {os.getpid()}", in_one_line(error)))
             raise
         else:
             pipe.send(Ended(chunk))

@@ -82,3 +82,9 @@ class Executor(Protocol):
 
     def close(self) -> None:
         """Ends all workers, whatever they do."""
+
+
+def in_one_line(error: BaseException) -> str:
+    """Kind and first line of an error, as the reason of a `Lost`."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return f"{type(error).__name__}: {lines[0] if lines else ''}"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from fgf_warp.errors import ConfigError, FgfError
 from generators.dataset.store import Store
-from generators.running.messages import Chunk, Ended, Finished, Lost, Message
+from generators.running.messages import Chunk, Ended, Finished, Lost, Message, in_one_line
 from generators.running.render import Way, render_chunk
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ class OnRay:
             yield Ended(self._running.pop(task))
             return
         except self._ray.exceptions.RayError as error:
-            yield Lost(self._running.pop(task), "a task of Ray", _in_one_line(error))
+            yield Lost(self._running.pop(task), "a task of Ray", in_one_line(error))
             return
         if isinstance(found, FgfError):
             raise found
@@ -103,8 +103,3 @@ def _render(plan: Plan, location: str, way: Way, chunk: Chunk) -> Iterator[Finis
         yield from render_chunk(plan, Store(location), chunk, way)
     except FgfError as error:
         yield error
-
-
-def _in_one_line(error: Exception) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return f"{type(error).__name__}: {lines[0] if lines else ''}"

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from fgf_warp.errors import ConfigError, FgfError
 from generators.dataset import layout
 from generators.dataset.store import Store
-from generators.running.messages import Chunk, Ended, Finished, Lost, Message
+from generators.running.messages import Chunk, Ended, Finished, Lost, Message, in_one_line
 from generators.running.render import Way, render_chunk
 
 if TYPE_CHECKING:
@@ -99,20 +99,15 @@ class OnSlurm:
         self._jobs.clear()
 
     def _appeared(self) -> list[Message]:
-        there = _names_of_complete(self._store)
-        appeared = [
-            index
-            for chunk in self._jobs
-            for index in chunk.indices
-            if index not in self._told and layout.sample_name(index) in there
-        ]
+        awaited = [index for chunk in self._jobs for index in chunk.indices if index not in self._told]
+        appeared = _complete(self._plan, self._store, awaited)
         self._told.update(appeared)
         return [Finished(index) for index in appeared]
 
     def _end(self, chunk: Chunk, job: Any) -> list[Message]:
         error = job.exception()
         if error is not None:
-            return [Lost(chunk, f"job {job.job_id}", f"{type(error).__name__}: {str(error).splitlines()[0]}")]
+            return [Lost(chunk, f"job {job.job_id}", in_one_line(error))]
         found = job.result()
         if isinstance(found, FgfError):
             raise found
@@ -138,8 +133,8 @@ class SlurmTask:
 
         start_warp(self._plan.settings.device)
         store = Store(self._location)
-        there = _names_of_complete(store)
-        left = tuple(index for index in self._chunk.indices if layout.sample_name(index) not in there)
+        there = set(_complete(self._plan, store, self._chunk.indices))
+        left = tuple(index for index in self._chunk.indices if index not in there)
         try:
             return list(render_chunk(self._plan, store, replace(self._chunk, indices=left), self._way))
         except FgfError as error:
@@ -152,7 +147,16 @@ class SlurmTask:
         return submitit.helpers.DelayedSubmission(self)
 
 
-def _names_of_complete(store: Store) -> set[str]:
-    """Of the samples that are there; a look at three folders, since a sample's folder appears whole."""
+def _complete(plan: Plan, store: Store, indices: Iterable[int]) -> list[int]:
+    """Those of the samples that are there.
+
+    A look at three folders tells which ones have a folder, so that not each sample costs a look over the network.
+    """
     assert store.folder
-    return {path.name for split in layout.SPLITS for path in (store.folder / layout.DATA / split).glob("[0-9]*")}
+    listed = {path.name for split in layout.SPLITS for path in (store.folder / layout.DATA / split).glob("[0-9]*")}
+    samples = (plan.samples[index] for index in indices)
+    return [
+        sample.index
+        for sample in samples
+        if sample.name in listed and store.exists(f"{layout.sample_folder(sample.split, sample.index)}/{layout.RECORD}")
+    ]

@@ -51,7 +51,8 @@ def opened(plan: Plan, config: bytes | None, store: Store, shard: Shard) -> Iter
                 _refuse_held_samples(plan, store.folder / layout.RUN, shard, indices)
                 held.enter_context(hold(_shard_lock(store.folder / layout.RUN, shard), wait=False))
             store.sweep([layout.sample_name(index) for index in indices])
-            for name, content in ((layout.CONFIG, config), (layout.PLAN, plan.to_bytes())):
+            # The plan first: a folder with other files and no plan is refused, by a run that goes on after a kill too.
+            for name, content in ((layout.PLAN, plan.to_bytes()), (layout.CONFIG, config)):
                 if content is not None and not store.exists(name):
                     store.write(name, content)
         yield indices

@@ -10,12 +10,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import closing
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import pyarrow as pa
+from typing import TYPE_CHECKING
 
 from fgf_warp.errors import NumericalError
 from fgf_warp.output.color import write_png
@@ -23,7 +21,6 @@ from fgf_warp.output.exr import write_exr
 from fgf_warp.result import RenderResult
 from fgf_warp.settings import GIB
 from generators.dataset import layout
-from generators.dataset.plan_table import read_plan
 from generators.dataset.record import Record, Timing, encode, file_entry
 from generators.dataset.store import Store
 from generators.publishing.statistics import image_statistics
@@ -203,14 +200,6 @@ class _Writer:
         """Waits for all that was handed over."""
         self._pool.shutdown()
 
-    def _row(self, sample: Sample) -> dict[str, Any]:
-        (row,) = self._table.slice(sample.index, 1).to_pylist()
-        return row
-
-    @cached_property
-    def _table(self) -> pa.Table:
-        return read_plan(self._plan.to_bytes(), layout.PLAN)[1]
-
     def _write(self, sample: Sample, result: RenderResult) -> Finished:
         started = time.perf_counter()
         files = encode_images(self._plan, sample, result)
@@ -222,15 +211,14 @@ class _Writer:
             truncated=result.truncated_count,
             nonfinite=0,
             statistics=image_statistics(result),
-            targets=compute_targets(self._row(sample), self._plan.meta.targets) if self._plan.meta.targets else {},
+            targets=compute_targets(sample.medium, self._plan.meta.targets) if sample.medium else {},
             files={name: file_entry(content) for name, content in files.items()},
         )
         seconds = time.perf_counter() - started
         timing = Timing(result.seconds, seconds, f"{platform.node()}:{os.getpid()}", self._attempt)
         folder = layout.sample_folder(sample.split, sample.index)
-        if self._way.repairs:
-            self._store.remove(folder)
-        self._store.commit(folder, {**files, layout.RECORD: encode(record), layout.TIMING: encode(timing)})
+        files |= {layout.RECORD: encode(record), layout.TIMING: encode(timing)}
+        self._store.commit(folder, files, replaces=self._way.repairs)
         return Finished(sample.index, result.seconds)
 
 

@@ -236,7 +236,9 @@ class _Run:
             return True
         finally:
             executor.close()
-            self._store.sweep([layout.sample_name(index) for index in self._indices])
+            # Alone, since another shard's run may be publishing by way of files that look half-written.
+            with sole(self._store):
+                self._store.sweep([layout.sample_name(index) for index in self._indices])
         return False
 
     def report(self, interrupted: bool, seconds: float) -> Report:

@@ -496,6 +496,15 @@ def test_generate_goes_to_the_folder_of_the_name(tmp_path, config_path, fake_ren
     assert (tmp_path / "datasets" / "trial" / "index.parquet").is_file()
 
 
+@pytest.mark.parametrize("scheme", ["", "file://"])
+def test_the_config_beside_a_dataset_finds_its_stage(tmp_path, config_path, fake_renderer, scheme):
+    folder = tmp_path / "elsewhere" / "data"
+    outcome = fgf("generate", config_path, "--out", f"{scheme}{folder}")
+    assert outcome.exit_code == 0, outcome.output
+    outcome = fgf("plan", folder / "config.yaml")
+    assert outcome.exit_code == 0, outcome.output
+
+
 def test_generate_of_a_part_says_so(tmp_path, config_path, fake_renderer, monkeypatch):
     def render(scene, settings, progress=None):
         raise NumericalError("3 samples are not finite")
@@ -506,7 +515,7 @@ def test_generate_of_a_part_says_so(tmp_path, config_path, fake_renderer, monkey
 
 
 def test_generate_on_a_full_disk_is_partial(tmp_path, config_path, fake_renderer, monkeypatch):
-    def fail(*_):
+    def fail(*_, **__):
         raise OutputError("000000.exr: cannot be written: No space left on device")
 
     monkeypatch.setattr(Store, "commit", fail)

@@ -112,6 +112,18 @@ def test_samples_of_different_depth_come_back_as_deep(tmp_path):
     assert content(data) == before
 
 
+def test_damaged_labels_are_not_taken_at_their_word(folder):
+    """They would tell how far to render a sample whose record is gone."""
+    before = content(folder)
+    labels = pq.read_table(folder / "index.parquet")
+    place = labels.column_names.index("spp")
+    pq.write_table(labels.set_column(place, "spp", [[3] * labels.num_rows]), folder / "index.parquet")
+    (folder / SAMPLES[1] / "record.json").unlink()
+    outcome = repair(folder)
+    assert outcome.exit_code == 0, outcome.output
+    assert content(folder) == before
+
+
 def test_what_a_person_wrote_is_kept(folder):
     text = (folder / "README.md").read_text() + "\nOur own words.\n"
     (folder / "README.md").write_text(text)

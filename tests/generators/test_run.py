@@ -15,9 +15,11 @@ import pytest
 
 import fgf_warp.renderer
 from fgf_warp.errors import ConfigError, NumericalError, OutputError
+from fgf_warp.locks import HeldError, hold
 from fgf_warp.output.exr import read_exr
 from generators.dataset import layout, store
 from generators.dataset.reader import Dataset
+from generators.dataset.record import Failure, encode
 from generators.dataset.store import Store
 from generators.running import render
 from generators.running.messages import Chunk
@@ -109,6 +111,33 @@ def test_a_lost_sample_is_rendered_again(data, plan, fake_renderer):
     Store(data).remove(layout.sample_folder("train", 3))
     assert generate(plan, TEXT, data).reused == 5
     assert fake_renderer == [plan.samples[3].seed]
+
+
+@pytest.mark.parametrize("kept", [layout.RADIANCE, layout.TIMING])
+def test_a_sample_without_a_record_is_rendered_again(tmp_path, data, plan, fake_renderer, kept):
+    """As somebody who deletes files leaves it."""
+    generate(plan, TEXT, data)
+    before = content(data)
+    folder = data / layout.sample_folder("train", 3)
+    for path in folder.iterdir():
+        if path.name != kept:
+            path.unlink()
+    assert generate(plan, TEXT, data).is_complete
+    assert content(data) == before
+    assert not list(data.rglob("*.partial*"))
+
+
+def test_a_repair_that_meets_a_full_disk_loses_nothing(data, plan, fake_renderer, monkeypatch):
+    generate(plan, TEXT, data)
+    before = snapshot(data / "data")
+
+    def sync(folder):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(store, "_sync_folder", sync)
+    with pytest.raises(OutputError, match="No space left on device"):
+        list(render_again(plan, Store(data), [2], {}))
+    assert snapshot(data / "data") == before
 
 
 def test_output_goes_to_an_object_store(data, plan, fake_renderer):
@@ -298,8 +327,8 @@ def test_without_locks_each_sample_is_committed_once(data, plan, fake_renderer, 
     before = {}
     commit = Store.commit
 
-    def commit_once(self, folder, files):
-        made = commit(self, folder, files)
+    def commit_once(self, folder, files, *, replaces):
+        made = commit(self, folder, files, replaces=replaces)
         assert made == (folder not in before)
         before[folder] = self.read(f"{folder}/{layout.TIMING}")
         return made
@@ -324,6 +353,55 @@ def test_leftovers_of_a_power_cut_are_swept(data, plan, fake_renderer):
     (data / "data" / "train" / ".000001.12ab.partial").mkdir()
     generate(plan, TEXT, data)
     assert not list(data.rglob("*.partial*"))
+
+
+def test_a_run_that_was_killed_between_plan_and_config_leaves_no_obstacle(data, plan, fake_renderer, monkeypatch):
+    write = Store.write
+
+    def be_killed(self, name, content):
+        if list(data.glob("*.*")):
+            raise KeyboardInterrupt
+        write(self, name, content)
+
+    monkeypatch.setattr(Store, "write", be_killed)
+    with pytest.raises(KeyboardInterrupt):
+        generate(plan, TEXT, data)
+    assert len(list(data.glob("*.*"))) == 1
+    monkeypatch.setattr(Store, "write", write)
+    assert generate(plan, TEXT, data).is_complete
+    assert (data / layout.CONFIG).read_bytes() == TEXT
+
+
+def test_what_another_run_is_writing_is_not_swept_at_the_end(data, plan, fake_renderer, monkeypatch):
+    """The labels of a shard that publishes have a hidden name for a moment."""
+    sweep, swept = Store.sweep, []
+
+    def sweep_alone(self, samples):
+        with pytest.raises(HeldError), hold(data / layout.RUN / "lock", wait=False):
+            pass
+        swept.append(samples)
+        sweep(self, samples)
+
+    monkeypatch.setattr(Store, "sweep", sweep_alone)
+    assert generate(plan, TEXT, data).is_complete
+    assert len(swept) == 2
+
+
+def test_a_note_that_another_run_is_writing_or_removes_is_none(data, plan, fake_renderer, monkeypatch):
+    generate(plan, TEXT, data)
+    dataset = Dataset(data)
+    dataset.store.write(layout.failure(1), encode(Failure(1, "none", 1)))
+    dataset.store.write(layout.failure(2), encode(Failure(2, "none", 1)))
+    (data / layout.FAILURES / ".000003.12ab.partial.json").write_text("half")
+    read = Store.read
+
+    def read_late(self, name):
+        if name == layout.failure(2):
+            self.remove(name)
+        return read(self, name)
+
+    monkeypatch.setattr(Store, "read", read_late)
+    assert list(dataset.failures()) == [1]
 
 
 def test_a_run_that_was_killed_early_leaves_no_obstacle(data, plan, fake_renderer):
@@ -399,10 +477,10 @@ def test_an_interrupted_run_goes_on_where_it_was(tmp_path, data, plan, fake_rend
 def test_a_full_disk_ends_the_run_and_leaves_what_is_finished(tmp_path, data, plan, fake_renderer, monkeypatch):
     commit = store._commit_folder
 
-    def fill_the_disk(target, files):
+    def fill_the_disk(target, files, replaces):
         if target.name == "000001":
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return commit(target, files)
+        return commit(target, files, replaces)
 
     monkeypatch.setattr(store, "_commit_folder", fill_the_disk)
     with pytest.raises(OutputError, match="000001: cannot be written: No space left on device"):

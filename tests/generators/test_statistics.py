@@ -8,11 +8,10 @@ import pytest
 
 from fgf_warp.errors import ConfigError
 from fgf_warp.output.exr import read_exr, write_exr
+from fgf_warp.scene import Medium
 from fgf_warp.settings import RenderSettings
-from generators.dataset.plan_table import read_plan
 from generators.publishing.statistics import LAGS, STATISTICS, image_statistics
 from generators.publishing.targets import compute_targets
-from tests.generators.made_up import plan_rows
 from tests.generators.small_plan import small_plan
 from tests.renders import made_up_render
 
@@ -81,36 +80,42 @@ def test_structure_tells_how_far_noise_reaches():
     assert ratio[1]["structure_1"] / ratio[1]["structure_8"] < 0.5
 
 
-def test_targets_are_what_was_asked_for():
-    row = plan_rows()[0]  # white noise: an exponential of the rate log(1 + kappa) / kappa
-    rate = row["sigma_m"] * math.log1p(row["kappa"]) / row["kappa"]
-    found = compute_targets(row, {"transmittance": {"t": [0.0, 0.5, 2.0]}, "mean_free_path": True})
+@pytest.mark.parametrize("grey", [1.0, 0.25])
+def test_targets_are_what_was_asked_for(grey):
+    """In white noise the transmittance is an exponential, of the rate log(1 + kappa) / kappa."""
+    medium = Medium("/medium", hurst=-0.5, white_noise_scale=1.0, mean_extinction=2.0, extinction_color=(grey,) * 3)
+    kappa = medium.line_law.kappa
+    assert kappa > 0
+    rate = 2 * grey * math.log1p(kappa) / kappa
+    found = compute_targets(medium, {"transmittance": {"t": [0.0, 0.5, 2.0]}, "mean_free_path": True})
     assert found["transmittance_t"] == [0.0, 0.5, 2.0]
     assert found["transmittance"] == pytest.approx([1, math.exp(-0.5 * rate), math.exp(-2 * rate)])
     assert found["mean_free_path"] == pytest.approx(1 / rate)
-    assert compute_targets(row, {}) == {}
-    assert list(compute_targets(row, {"mean_free_path": True})) == ["mean_free_path"]
+    assert compute_targets(medium, {}) == {}
+    assert list(compute_targets(medium, {"mean_free_path": True})) == ["mean_free_path"]
 
 
 def test_a_plan_asks_in_the_words_that_are_understood(tmp_path):
     plan = small_plan(tmp_path, "targets={transmittance: [0.5, 1], mean_free_path: true}")
-    _, table = read_plan(plan.to_bytes(), "plan")
-    for row in table.to_pylist():
-        found = compute_targets(row, plan.meta.targets)
+    for sample in plan.samples:
+        found = compute_targets(sample.medium, plan.meta.targets)
         assert found["transmittance_t"] == [0.5, 1]
         assert 1 > found["transmittance"][0] > found["transmittance"][1] > 0
         assert found["mean_free_path"] > 0
 
 
+FBM = {"hurst": 0.3, "outer_scale": 1.0, "mean_extinction": 2.0}
+
+
 def test_a_length_beyond_the_law_is_refused():
-    row = {**plan_rows()[0], "H": 0.3, "L": 1.0, "kappa": 0.5, "line_variance": "exact"}
+    medium = Medium("/medium", **FBM, kappa=0.5, line_variance="exact")
     with pytest.raises(ConfigError, match="where the law ends"):
-        compute_targets(row, {"transmittance": {"t": [1e6]}})
+        compute_targets(medium, {"transmittance": {"t": [1e6]}})
 
 
-def test_an_infinite_mean_is_null():
-    row = {**plan_rows()[0], "H": 0.3, "L": 1.0, "kappa": 2.0}
-    assert compute_targets(row, {"mean_free_path": True}) == {"mean_free_path": None}
+@pytest.mark.parametrize("parameters", [{**FBM, "kappa": 2.0}, {"mean_extinction": 0.0}])
+def test_an_infinite_mean_is_null(parameters):
+    assert compute_targets(Medium("/medium", **parameters), {"mean_free_path": True}) == {"mean_free_path": None}
 
 
 def test_statistics_do_not_depend_on_the_order_of_memory():

@@ -17,8 +17,9 @@ from generators.dataset.store import Store
 from generators.planning.plan import Plan
 from generators.running import run
 from generators.running.local_pool import LocalPool
+from generators.running.messages import Chunk
 from generators.running.on_ray import OnRay
-from generators.running.on_slurm import OnSlurm
+from generators.running.on_slurm import OnSlurm, SlurmTask
 from generators.running.run import Workers, generate
 from generators.running.shard import Shard
 from tests.generators.small_plan import TEXT, content, labels, small_plan, write_config
@@ -170,6 +171,26 @@ def test_a_sample_that_ends_its_worker_fails_alone(tmp_path, data):
     assert Dataset(data).failures()[4].attempts == 3
 
 
+class BrokenPlan(Plan):
+    """Whose sample 4 meets an error that nobody thought of."""
+
+    def media_of(self, sample):
+        if sample.index == 4:
+            raise RuntimeError("out of memory\non the device")
+        return super().media_of(sample)
+
+
+@pytest.mark.slow
+def test_a_sample_with_an_unknown_error_fails_alone(tmp_path, data):
+    """A worker that ends after its error gets no other sample, which would be lost with it."""
+    plan = small_plan(tmp_path)
+    report = generate(BrokenPlan(**vars(plan)), TEXT, data, workers=Workers(count=2))
+    ((index, reason),) = report.failures
+    assert (index, report.finished) == (4, 5)
+    assert reason.endswith("RuntimeError: out of memory")
+    assert {line["reason"] for line in told(data, "lost")} == {"RuntimeError: out of memory"}
+
+
 class FullDiskPlan(Plan):
     """Whose sample 4 meets a full disk."""
 
@@ -218,6 +239,16 @@ def test_a_lost_job_of_slurm_is_submitted_again(tmp_path, data, monkeypatch):
     assert [index for index, _ in report.failures] == [4]
     assert report.finished == 5
     assert [line["attempt"] for line in told(data, "retry")] == [2, 3]
+
+
+def test_a_job_of_slurm_renders_what_has_a_folder_and_no_record(tmp_path, data, fake_renderer):
+    plan = small_plan(tmp_path)
+    generate(plan, TEXT, data)
+    fake_renderer.clear()
+    (data / layout.sample_folder("train", 3) / layout.RECORD).unlink()
+    finished = SlurmTask(plan, str(data), run.Way(1), Chunk((2, 3)))()
+    assert [sample.index for sample in finished] == [3]
+    assert fake_renderer == [plan.samples[3].seed]
 
 
 def test_slurm_is_refused_where_it_is_not(data, plan):
