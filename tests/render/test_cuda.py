@@ -33,7 +33,10 @@ def mesh_scene():
         mesh_scene,
         lambda: furnace(extinction_color=(1, 2, 3)),
         lambda: furnace(transport="mixed", **REGIMES["pink"]),
-        lambda: furnace(transport="mixed", extinction_color=(1, 2, 3), **REGIMES["exact fbm"]),
+        pytest.param(
+            lambda: furnace(transport="mixed", extinction_color=(1, 2, 3), **REGIMES["exact fbm"]),
+            marks=pytest.mark.slow,
+        ),
         example,
     ],
     ids=["full", "mesh", "chromatic", "mixed", "exact variance", "instances"],

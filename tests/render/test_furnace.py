@@ -42,7 +42,9 @@ def test_medium_under_connections(regime, transport, g):
     stats.assert_means(*stats.image_mean(result), 1.0, detects=0.01)
 
 
-@pytest.mark.parametrize("kind", PHASES)
+@pytest.mark.parametrize(
+    "kind", ["draine", *(pytest.param(k, marks=pytest.mark.slow) for k in PHASES if k != "draine")]
+)
 def test_phase_function(kind):
     """Of weight 1 where it is sampled, and matched with its density where lights are connected to."""
     scene = furnace(phase_function=kind, **PHASES[kind], **REGIMES["pink"])

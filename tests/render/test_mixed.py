@@ -21,7 +21,7 @@ def channels(result):
     return np.array([stats.image_mean(result, channel) for channel in (0, 1)])
 
 
-@pytest.mark.parametrize(("hurst", "kappa"), [(-0.25, 1.0), (0.5, 0.5)])
+@pytest.mark.parametrize(("hurst", "kappa"), [pytest.param(-0.25, 1.0, marks=pytest.mark.slow), (0.5, 0.5)])
 def test_a_slab_is_the_reciprocal_one_and_frozen_ones(hurst, kappa):
     """Reflectance and transmittance of a slab, T = 2, against the same by parts: (1-p) reciprocal + p frozen.
 

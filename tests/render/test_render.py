@@ -91,9 +91,7 @@ def require(added, scene, settings, monkeypatch):
 LONE = {"lone_law": "", "lone_solid": False}
 
 
-@pytest.mark.parametrize(
-    "regime", ["pink", *(pytest.param(regime, marks=pytest.mark.slow) for regime in ("exponential", "fbm"))]
-)
+@pytest.mark.parametrize("regime", ["exponential", "pink", "fbm"])
 @pytest.mark.parametrize("make", [full_scene, lambda: furnace(fills_view=False)], ids=["full", "sphere"])
 @pytest.mark.parametrize("added", [{"lone_solid": False}, LONE, LONE | {"chromatic": True}], ids=str)
 def test_a_chord_through_the_medium_is_the_same_as_crossing_its_boundaries(regime, make, added, monkeypatch):

@@ -8,7 +8,7 @@ import pytest
 
 from tests.usd.fuzz import Renderer, mutant, write_pictures
 
-FEW, MANY = 15, 500
+FEW, MANY = 30, 500
 
 
 @pytest.fixture(scope="module")
