@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -47,3 +48,15 @@ def decode_channels(content: bytes, name: str) -> dict[str, np.ndarray]:
             return read_exr(Path(file.name))[0]
         except CorruptFileError as error:
             raise CorruptFileError(f"{name}: is damaged or no EXR") from error
+
+
+def choose_shown(samples: Sequence[int], most: int) -> list[int]:
+    """The samples that are pictured: all, or as many as there may be, spread over all of them.
+
+    They are cut into as many stretches, and one is drawn of each: at equal distances, some values of an axis that
+    repeats along the samples would have no picture at all.
+    """
+    if len(samples) <= most:
+        return list(samples)
+    edges = [i * len(samples) // most for i in range(most + 1)]
+    return [samples[place] for place in np.random.default_rng(0).integers(edges[:-1], edges[1:])]

@@ -13,9 +13,10 @@ import jinja2
 from fgf_warp import __version__
 from fgf_warp.output.atomic import write_bytes
 from generators.dataset import layout
+from generators.dataset.images import choose_shown
 from generators.dataset.reader import Dataset
 from generators.dataset_report.content import gather
-from generators.dataset_report.thumbnails import Progress, choose_shown, make_thumbnails
+from generators.dataset_report.thumbnails import SHOWN_MAX, Progress, make_thumbnails
 from generators.publishing.index import build_index
 
 
@@ -36,7 +37,7 @@ def write_dataset_report(dataset: Dataset, path: Path | None = None, progress: P
     """
     complete = dataset.complete()
     content = gather(dataset, build_index(dataset))
-    shown = choose_shown(complete)
+    shown = choose_shown(complete, SHOWN_MAX)
     table = {
         **content.table,
         "thumbnails": make_thumbnails(dataset, shown, progress),

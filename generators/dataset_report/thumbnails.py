@@ -26,18 +26,6 @@ Progress = Callable[[int, int], None]
 """Called with the number of pictures made, and of all."""
 
 
-def choose_shown(complete: Sequence[int], most: int = SHOWN_MAX) -> list[int]:
-    """The samples that are pictured: all, or as many as there may be, spread over all of them.
-
-    They are cut into as many stretches, and one is drawn of each: at equal distances, some values of an axis that
-    repeats along the samples would have no picture at all.
-    """
-    if len(complete) <= most:
-        return list(complete)
-    edges = [i * len(complete) // most for i in range(most + 1)]
-    return [complete[place] for place in np.random.default_rng(0).integers(edges[:-1], edges[1:])]
-
-
 def make_thumbnails(dataset: Dataset, indices: Sequence[int], progress: Progress | None = None) -> dict[int, str]:
     """A data URI of each sample's picture.
 

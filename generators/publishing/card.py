@@ -146,7 +146,7 @@ configs:
 
 {{ lead }}
 
-![Contact sheet: every sample, or an evenly spaced part of many, with its parameters](contact_sheet.png)
+![Contact sheet: every sample, or a part that is spread over all, with its parameters](contact_sheet.png)
 
 | | |
 |---|---|

@@ -11,14 +11,14 @@ import pyarrow as pa
 
 from fgf_warp.output.color import to_display
 from fgf_warp.output.drawing import Canvas, resize_linear, text_width
-from generators.dataset.images import read_channels
+from generators.dataset.images import choose_shown, read_channels
 from generators.dataset.plan_table import AxisMeta, PlanMeta
 from generators.dataset.reader import Dataset
 from generators.publishing.columns import COMPLETE, STATUS
 from generators.publishing.words import describe_quality
 
 THUMBNAILS_MAX = 240
-"""Above it the sheet shows an evenly spaced part of the samples."""
+"""Above it the sheet shows a part that is spread over all samples."""
 FILLED_LEAST = 0.5
 """Share of a grid's places that have a sample; axes that are zipped or constrained may leave too many empty."""
 THUMBNAIL_WIDTH, MANY, THUMBNAIL_WIDTH_OF_MANY = 256, 60, 160
@@ -169,8 +169,8 @@ def _grid(places: Sequence[int | None], rows: Sequence[Level], columns: Sequence
 
 
 def _flow(count: int, shape: tuple[int, int]) -> Layout:
-    shown = min(count, THUMBNAILS_MAX)
-    indices = tuple(i * count // shown for i in range(shown))
+    indices = tuple(choose_shown(range(count), THUMBNAILS_MAX))
+    shown = len(indices)
     columns = min(range(1, shown + 1), key=lambda n: _distance_from_aspect(math.ceil(shown / n), n, shape))
     return Layout(indices, (), (), math.ceil(shown / columns), columns)
 
@@ -239,7 +239,7 @@ def _title(meta: PlanMeta, index: pa.Table, shown: int) -> tuple[str, str]:
     samples = (
         f"{count:,} sample{'' if count == 1 else 's'}"
         if shown == count
-        else f"{shown:,} of {count:,} samples, evenly spaced"
+        else f"{shown:,} of {count:,} samples, spread over all"
     )
     absent = count - index[STATUS].to_pylist().count(COMPLETE)
     parts = [samples, meta.scene, f"{meta.width} × {meta.height}", describe_quality(meta), f"seed {meta.seed}"]

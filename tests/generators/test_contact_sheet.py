@@ -145,15 +145,15 @@ def test_sheets_of_few_drawn_or_named_axes(tmp_path, axes, rows):
     assert draw(dataset).shape[1] >= found.column_count * 256
 
 
-def test_large_datasets_show_an_evenly_spaced_part_and_say_so(tmp_path):
+def test_large_datasets_show_a_part_of_every_value_and_say_so(tmp_path):
     axes = (AxisMeta("H", "H", tuple(range(100))), AxisMeta("g", "g", tuple(range(10))))
     dataset = dataset_of(tmp_path, axes, grid_of(*axes), rendered=False)
     found = layout_of(dataset, (48, 64))
     assert len(found.indices) == contact_sheet.THUMBNAILS_MAX
-    assert found.indices[0] == 0
-    assert {b - a for a, b in itertools.pairwise(found.indices)} == {4, 5}
+    assert all(0 < b - a < 10 for a, b in itertools.pairwise(found.indices))
+    assert {index % 10 for index in found.indices} == set(range(10))
     _, below = contact_sheet._title(dataset.meta, build_index(dataset), len(found.indices))
-    assert below.startswith("240 of 1,000 samples, evenly spaced  ·  1,000 not there")
+    assert below.startswith("240 of 1,000 samples, spread over all  ·  1,000 not there")
 
 
 def test_long_names_are_cut_to_their_place():

@@ -8,8 +8,8 @@ from typer.testing import CliRunner
 
 from generators.cli import app
 from generators.dataset import layout
+from generators.dataset.images import choose_shown
 from generators.dataset_report.page import rerender_command, write_dataset_report
-from generators.dataset_report.thumbnails import choose_shown
 from tests.browser import CHROMIUM, Page
 from tests.generators.made_up import make_dataset
 
