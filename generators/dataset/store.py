@@ -16,7 +16,7 @@ from fsspec.implementations.local import LocalFileSystem
 from fsspec.implementations.memory import MemoryFileSystem
 
 from fgf_warp.errors import OutputError
-from fgf_warp.output.atomic import PARTIAL_GLOB, write_bytes
+from fgf_warp.output.atomic import PARTIAL_GLOB, flush_to_disk, write_bytes
 from generators.dataset import layout
 
 READERS = 32
@@ -201,7 +201,7 @@ def _commit_folder(target: Path, files: dict[str, bytes], replaces: bool) -> boo
                 file.write(content)
                 file.flush()
                 os.fsync(file.fileno())
-        _sync_folder(hidden)
+        flush_to_disk(hidden)
         try:
             hidden.rename(target)
         except OSError:
@@ -214,7 +214,7 @@ def _commit_folder(target: Path, files: dict[str, bytes], replaces: bool) -> boo
             old = target.rename(_hidden(target))
             hidden.rename(target)
             shutil.rmtree(old)
-        _sync_folder(target.parent)
+        flush_to_disk(target.parent)
         return True
     except BaseException:
         shutil.rmtree(hidden, ignore_errors=True)
@@ -224,11 +224,3 @@ def _commit_folder(target: Path, files: dict[str, bytes], replaces: bool) -> boo
 def _hidden(folder: Path) -> Path:
     """A name beside it that a later run sweeps, see `Store.sweep`."""
     return folder.with_name(f".{folder.name}.{uuid.uuid4().hex[:12]}.partial")
-
-
-def _sync_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
