@@ -134,7 +134,7 @@ def test_a_repair_that_meets_a_full_disk_loses_nothing(data, plan, fake_renderer
     def sync(folder):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(store, "_sync_folder", sync)
+    monkeypatch.setattr(store, "flush_to_disk", sync)
     with pytest.raises(OutputError, match="No space left on device"):
         list(render_again(plan, Store(data), [2], {}))
     assert snapshot(data / "data") == before
