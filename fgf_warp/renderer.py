@@ -169,20 +169,21 @@ def build_model(scene: Scene, settings: RenderSettings, variants: Sequence[Varia
     return Model(scene, settings, images, program, uploaded)
 
 
-def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings) -> Iterator[Model]:
+def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings, together: int = 1) -> Iterator[Model]:
     """Models of as many successive images as one kernel renders and `settings.memory` holds.
 
     Args:
         scene: whose media the variants replace.
         variants: one for each image.
         settings: that the images share, but for the seed.
+        together: so many successive images, of one kind of kernel, are in one model.
 
     Raises:
         ConfigError: where the memory does not hold a single image, or for a device that is not there.
         UnsupportedFeatureError: for a scene that this version cannot render.
     """
-    check_memory(settings)
-    at_once = int(settings.memory * GIB // image_bytes(settings))
+    check_memory(settings, together)
+    at_once = together * int(settings.memory * GIB // (together * image_bytes(settings)))
     for _, group in groupby(variants, lambda variant: required_features(scene.with_media(variant.media), settings)):
         images = list(group)
         for first in range(0, len(images), at_once):
