@@ -33,6 +33,7 @@ from generators.commands.common import (
 )
 from generators.commands.export import export
 from generators.commands.generate import generate
+from generators.commands.tradeoff import tradeoff
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -389,6 +390,7 @@ app.command()(planning.plan)
 app.command()(planning.init)
 app.command()(planning.schema)
 app.command()(validate.validate)
+app.command()(tradeoff)
 
 
 def main() -> None:
