@@ -60,6 +60,13 @@ ALLOWED = {
         "fgf_warp.settings",
         "fgf_warp.upload",
     ),
+    "fgf_warp.convergence": (
+        "fgf_warp.errors",
+        "fgf_warp.renderer",
+        "fgf_warp.result",
+        "fgf_warp.scene",
+        "fgf_warp.settings",
+    ),
     "fgf_warp.output": ("fgf_warp", "fgf_warp.errors", "fgf_warp.result", "fgf_warp.settings"),
     "usd_scenes": ("fgf_warp.scene", "fgf_warp.errors"),
     "generators": ("fgf_warp", "usd_scenes"),
