@@ -58,7 +58,8 @@ def tradeoff(
         outcome = _measure(loaded, subjects, references, device)
     except KeyboardInterrupt:
         fail(f"stopped; no report is written, and finished references are kept in {references}", EXIT_PARTIAL)
-    for file in run.write(outcome, folder):
+    command = " ".join(["fgf tradeoff", path.name, *(f"--set {override}" for override in overrides or ())])
+    for file in run.write(outcome, folder, command):
         typer.echo(f"wrote {file}")
 
 

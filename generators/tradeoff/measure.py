@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -321,12 +323,8 @@ def _judge(rungs: list[Rung]) -> list[Rung]:
 
 
 def _versions() -> dict[str, str]:
-    import warp as wp  # noqa: PLC0415
-
-    return {"fgf-warp": __version__, "warp-lang": wp.config.version, "python": platform.python_version()}
+    return {"fgf-warp": __version__, "warp-lang": version("warp-lang"), "python": platform.python_version()}
 
 
 def _machine(device: str) -> str:
-    import warp as wp  # noqa: PLC0415
-
-    return f"{platform.machine()}, {wp.get_device(device).name}"
+    return f"{platform.machine()}, {os.cpu_count()} cores, on {device}"
