@@ -8,28 +8,33 @@ from typing import Any
 
 import numpy as np
 
-from fgf_warp import renderer
+from fgf_warp import convergence, renderer
+from fgf_warp.convergence import Goal
 from fgf_warp.errors import ConfigError, SceneError
 from fgf_warp.output.denoise import check_denoiser, denoise, denoiser_version
 from fgf_warp.output.enlarging import enlarge, repeat
 from fgf_warp.renderer import Progress
 from fgf_warp.result import RenderResult
 from fgf_warp.scene import Scene
-from fgf_warp.settings import PRIM_AOVS, Aov, RenderSettings
+from fgf_warp.settings import Aov, RenderSettings
 
 GUIDES = frozenset({Aov.ALBEDO, Aov.NORMAL})
 """Planes by which the denoiser tells noise from detail."""
-REPEATED_AOVS = PRIM_AOVS | {Aov.DEPTH}
+REPEATED_AOVS = frozenset({Aov.DEPTH, Aov.SAMPLES, Aov.PRIM_ID, Aov.INSTANCE_ID})
 """Planes whose pixels stand for themselves: between two names, or what is near and nothing, there is no third."""
 
 
-def render_image(scene: Scene, settings: RenderSettings, progress: Progress | None = None) -> RenderResult:
+def render_image(
+    scene: Scene, settings: RenderSettings, goal: Goal | None = None, progress: Progress | None = None
+) -> RenderResult:
     """Renders a picture with all that its settings ask for.
 
     Args:
         scene: what to render.
         settings: of the picture.
-        progress: called with the camera paths done and in all.
+        goal: when it is good enough, in place of the settings' samples per pixel; of an upscaled picture, the pixels
+            that are rendered.
+        progress: called with the camera paths done and in all, which changes where there is a goal.
 
     Raises:
         ConfigError: for a device or a denoiser that is not there, a medium that cannot have the transport or line
@@ -38,7 +43,10 @@ def render_image(scene: Scene, settings: RenderSettings, progress: Progress | No
         NumericalError: where a sample was not finite.
     """
     renderer.check_memory(settings)
-    return finish(renderer.render(*as_rendered(scene, settings), progress), settings)
+    asked = as_rendered(scene, settings)
+    if goal is None:
+        return finish(renderer.render(*asked, progress), settings)
+    return finish(convergence.render_until(*asked, goal, progress), settings)
 
 
 def as_rendered(scene: Scene, settings: RenderSettings) -> tuple[Scene, RenderSettings]:

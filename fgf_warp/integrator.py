@@ -183,12 +183,31 @@ class Limits:
 
 
 @wp.struct
-class Task:
-    """What a pool of lanes has to do."""
+class Counts:
+    """How many samples the pixels have and get; one entry per pixel of each image, image after image."""
 
-    end_pixel: int
-    first_sample: int
-    end_sample: int
+    done: wp.array(dtype=int)
+    """Before all launches of a step."""
+    wanted: wp.array(dtype=int)
+    """After them."""
+
+
+@wp.struct
+class Round:
+    """Of the samples that each pixel gets in a step, those of one launch."""
+
+    skipped: int
+    """Of earlier launches."""
+    samples: int
+    """At most."""
+
+
+@wp.func(inline=True)
+def samples_of_round(counts: Counts, part: Round, place: int):
+    """The first sample of a pixel in this launch, and the one after its last."""
+    end = counts.wanted[place]
+    first = wp.min(counts.done[place] + part.skipped, end)
+    return first, wp.min(first + part.samples, end)
 
 
 @wp.struct
@@ -1264,6 +1283,7 @@ def build_program(features: RenderFeatures) -> Program:
         path.row = before.row
         path.column = before.column
         path.sample = before.sample
+        path.end_sample = before.end_sample
         path.alive = 1
         path.turn = wp.int32(reverse_bits(wp.uint32(path.sample)))
         path.shift_x = before.shift_x
@@ -1489,8 +1509,8 @@ def build_program(features: RenderFeatures) -> Program:
         film: Film,
         images: wp.array(dtype=int),
         pixel_count: int,
-        first_sample: int,
-        sample_count: int,
+        counts: Counts,
+        part: Round,
     ):
         slot, pixel = wp.tid()
         image = images[slot]
@@ -1500,7 +1520,8 @@ def build_program(features: RenderFeatures) -> Program:
         place = image * pixel_count + pixel
         tally = read_film(film, place)
         waiting = go_to_pixel(Path(), scene.camera.width, seed, pixel)
-        for sample in range(first_sample, first_sample + sample_count):
+        first_sample, end_sample = samples_of_round(counts, part, place)
+        for sample in range(first_sample, end_sample):
             waiting.sample = sample
             path = emit(scene.camera, scene.camera_inside, seed, waiting)
             if wp.static(features.varied_starts):
@@ -1552,43 +1573,50 @@ def build_program(features: RenderFeatures) -> Program:
         return wp.array(ptr=start, shape=(wp.static(bsdf_count),), dtype=Bsdf)
 
     @wp.func
-    def empty_lanes(pool: wp.uint64, end_sample: int):
+    def empty_lanes(pool: wp.uint64):
         lanes = lanes_of(pool)
         for i in range(LANES):
             idle = Path()
             idle.pixel = -1
-            idle.sample = end_sample
             store(lanes, i, idle)
 
     @wp.func
-    def track_lanes(pool: wp.uint64, scene: SceneData, end_sample: int):
+    def track_lanes(pool: wp.uint64, scene: SceneData):
         lanes = lanes_of(pool)
         for i in range(LANES):
             path = load(lanes, i)
-            if path.alive == 0 and path.sample < end_sample:
+            if path.alive == 0 and path.sample < path.end_sample:
                 store(lanes, i, track(scene, path))
 
     @wp.func
-    def finish_lanes(pool: wp.uint64, end_sample: int) -> int:
+    def finish_lanes(pool: wp.uint64) -> int:
         """Adds complete paths to their pixels; returns how many lanes wait for another pixel."""
         sums = sums_of(pool)
         lanes = lanes_of(pool)
         waiting = int(0)
         for i in range(LANES):
             path = load(lanes, i)
-            is_complete = path.alive == 0 and path.sample < end_sample
+            is_complete = path.alive == 0 and path.sample < path.end_sample
             store_tally(sums, i, finish(load_tally(sums, i), path, is_complete))
         for i in range(LANES):
             path = load(lanes, i)
-            is_complete = path.alive == 0 and path.sample < end_sample
+            is_complete = path.alive == 0 and path.sample < path.end_sample
             path.sample = path.sample + wp.where(is_complete, 1, 0)
-            waiting += wp.where(path.sample == end_sample, 1, 0)
+            waiting += wp.where(path.sample == path.end_sample, 1, 0)
             store(lanes, i, path)
         return waiting
 
     @wp.func
     def hand_out_pixels(
-        pool: wp.uint64, film: Film, task: Task, first_place: int, width: int, seed: wp.uint64, next_pixel: int
+        pool: wp.uint64,
+        film: Film,
+        counts: Counts,
+        part: Round,
+        first_place: int,
+        width: int,
+        seed: wp.uint64,
+        next_pixel: int,
+        end_pixel: int,
     ):
         """Waiting lanes' pixels go to the film, and they to others; returns the next one, and how many lanes retire."""
         sums = sums_of(pool)
@@ -1597,29 +1625,32 @@ def build_program(features: RenderFeatures) -> Program:
         retired = int(0)
         for i in range(LANES):
             path = load(lanes, i)
-            if path.sample == task.end_sample:
+            if path.sample == path.end_sample:
                 if path.pixel >= 0:
                     write_film(film, first_place + path.pixel, load_tally(sums, i))
-                if handed < task.end_pixel:
-                    path = go_to_pixel(path, width, seed, handed)
-                    path.sample = task.first_sample
-                    store_tally(sums, i, read_film(film, first_place + handed))
+                while path.sample == path.end_sample and handed < end_pixel:
+                    first_sample, end_sample = samples_of_round(counts, part, first_place + handed)
+                    if first_sample < end_sample:
+                        path = go_to_pixel(path, width, seed, handed)
+                        path.sample = first_sample
+                        path.end_sample = end_sample
+                        store_tally(sums, i, read_film(film, first_place + handed))
                     handed += 1
-                else:
+                if path.sample == path.end_sample:
                     path.pixel = -1
-                    path.sample = task.end_sample + 1
+                    path.sample = path.end_sample + 1
                     retired += 1
                 store(lanes, i, path)
         return handed, retired
 
     @wp.func
-    def emit_lanes(pool: wp.uint64, scene: SceneData, lone: Medium, seed: wp.uint64, end_sample: int):
+    def emit_lanes(pool: wp.uint64, scene: SceneData, lone: Medium, seed: wp.uint64):
         lanes = lanes_of(pool)
         camera = scene.camera
         for i in range(LANES):
             path = load(lanes, i)
             fresh = emit(camera, scene.camera_inside, seed, path)
-            if path.alive == 0 and path.sample < end_sample:
+            if path.alive == 0 and path.sample < path.end_sample:
                 store(lanes, i, fresh)
         if wp.static(features.varied_starts):
             for i in range(LANES):
@@ -1855,8 +1886,8 @@ def build_program(features: RenderFeatures) -> Program:
         pixels_per_image: int,
         first_pixel: int,
         pixel_count: int,
-        first_sample: int,
-        sample_count: int,
+        counts: Counts,
+        part: Round,
     ):
         # Tells these kernels apart: Warp's hash of a function does not see what depends on the variable of a loop.
         _kinds = wp.static(kinds_code)
@@ -1867,25 +1898,23 @@ def build_program(features: RenderFeatures) -> Program:
         lone_shape = Solid()
         if wp.static(lone_solid):
             lone_shape = scene.solids[scene.lone_solid]
-        task = Task()
-        task.end_pixel = first_pixel + pixel_count
-        task.first_sample = first_sample
-        task.end_sample = first_sample + sample_count
+        first_place = image * pixels_per_image
+        end_pixel = first_pixel + pixel_count
         next_pixel = int(first_pixel)
-        empty_lanes(pool, task.end_sample)
+        empty_lanes(pool)
         working = int(LANES)
         while working > 0:
             # A lane takes the samples of its pixel one after the other, and then another pixel.
             if wp.static(tracks):
-                track_lanes(pool, scene, task.end_sample)
-            waiting = finish_lanes(pool, task.end_sample)
-            if waiting >= MANY_WAITING or (waiting > 0 and next_pixel >= task.end_pixel):
+                track_lanes(pool, scene)
+            waiting = finish_lanes(pool)
+            if waiting >= MANY_WAITING or (waiting > 0 and next_pixel >= end_pixel):
                 handed, retired = hand_out_pixels(
-                    pool, film, task, image * pixels_per_image, scene.camera.width, seed, next_pixel
+                    pool, film, counts, part, first_place, scene.camera.width, seed, next_pixel, end_pixel
                 )
                 next_pixel = handed
                 working -= retired
-            emit_lanes(pool, scene, lone, seed, task.end_sample)
+            emit_lanes(pool, scene, lone, seed)
 
             fly_lanes(pool, scene.camera, lone, seed)
             if wp.static(looks_up_flights):

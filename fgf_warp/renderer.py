@@ -21,7 +21,7 @@ from fgf_warp import __version__
 from fgf_warp.bvh import load_builder
 from fgf_warp.errors import ConfigError, NumericalError
 from fgf_warp.features import required_features
-from fgf_warp.integrator import NOT_SEEN, Film, Program, build_program
+from fgf_warp.integrator import NOT_SEEN, Counts, Film, Program, Round, build_program
 from fgf_warp.locks import hold
 from fgf_warp.result import RenderResult
 from fgf_warp.scene import Medium, Scene
@@ -102,7 +102,7 @@ class State:
 
     Args:
         film: sums over samples, for each pixel of each image.
-        samples: (images,) int64, per pixel so far.
+        samples: (images, height, width) int32, that each pixel has so far.
         seconds: (images,) that each image took: the time of all threads over their number.
     """
 
@@ -181,20 +181,21 @@ def build_model(scene: Scene, settings: RenderSettings, variants: Sequence[Varia
     return Model(scene, settings, images, program, uploaded)
 
 
-def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings) -> Iterator[Model]:
+def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings, together: int = 1) -> Iterator[Model]:
     """Models of as many successive images as one kernel renders and `settings.memory` holds.
 
     Args:
         scene: whose media the variants replace.
         variants: one for each image.
         settings: that the images share, but for the seed.
+        together: so many successive images, of one kind of kernel, are in one model.
 
     Raises:
         ConfigError: where the memory does not hold a single image, or for a device that is not there.
         UnsupportedFeatureError: for a scene that this version cannot render.
     """
-    check_memory(settings)
-    at_once = int(settings.memory * GIB // image_bytes(settings))
+    check_memory(settings, together)
+    at_once = together * int(settings.memory * GIB // (together * image_bytes(settings)))
     for _, group in groupby(variants, lambda variant: required_features(scene.with_media(variant.media), settings)):
         images = list(group)
         for first in range(0, len(images), at_once):
@@ -203,7 +204,7 @@ def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings)
 
 def image_bytes(settings: RenderSettings) -> int:
     """Memory that one image takes while it is rendered, beside the scene."""
-    film = 2 * 24 + 8 + 2 * 4  # radiance and its square, alpha, two counts
+    film = 2 * 24 + 8 + 5 * 4  # radiance and its square, alpha, five counts
     film += 24 * len(_summed(settings)) + 4 * (Aov.DEPTH in settings.aovs)
     film += 8 * (Aov.SCATTERINGS in settings.aovs) + 2 * 4 * bool(settings.aovs & PRIM_AOVS)
     return settings.width * settings.height * (film + DEVELOPING_BYTES + PLANE_BYTES * len(settings.aovs))
@@ -252,10 +253,10 @@ def begin(model: Model) -> State:
     film.invalid = plane(wp.int32)
     film.truncated = plane(wp.int32)
     images = len(model.variants)
-    return State(film, np.zeros(images, dtype=np.int64), np.zeros(images))
+    return State(film, np.zeros((images, settings.height, settings.width), dtype=np.int32), np.zeros(images))
 
 
-def step(model: Model, state: State, samples: int, progress: Progress | None = None) -> None:
+def step(model: Model, state: State, samples: int | np.ndarray, progress: Progress | None = None) -> None:
     """Adds `samples` per pixel to every image; how a render is cut into steps does not change its pixels."""
     for _ in advance(model, state, samples, progress):
         pass
@@ -264,7 +265,7 @@ def step(model: Model, state: State, samples: int, progress: Progress | None = N
 def advance(
     model: Model,
     state: State,
-    samples: int,
+    samples: int | np.ndarray,
     progress: Progress | None = None,
     images: Sequence[int] | None = None,
 ) -> Iterator[int]:
@@ -273,9 +274,9 @@ def advance(
     Args:
         model: what to render.
         state: so far.
-        samples: to add per pixel.
+        samples: to add per pixel, >= 0; of pixels that get different numbers (images, height, width).
         progress: called with the camera paths done and in all.
-        images: that get them, which all have as many so far; by default all images.
+        images: that get them; by default all images.
 
     Yields:
         The index of each image, in order, as soon as all its samples are there.
@@ -283,9 +284,11 @@ def advance(
     chosen = range(len(model.variants)) if images is None else images
     if not chosen:
         return
+    wanted = state.samples.copy()
+    wanted[list(chosen)] += np.asarray(samples, dtype=np.int32)
     advance_on = _advance_cpu if model.settings.device == "cpu" else _advance_cuda
-    for image in advance_on(model, state, chosen, samples, progress):
-        state.samples[image] += samples
+    for image in advance_on(model, state, chosen, wanted, progress):
+        state.samples[image] = wanted[image]
         yield image
 
 
@@ -345,17 +348,22 @@ def develop(model: Model, state: State, image: int = 0) -> RenderResult:
     Raises:
         NumericalError: where a sample was not finite, naming its pixel.
     """
-    settings, film, n = model.settings, state.film, int(state.samples[image])
+    settings, film, counts = model.settings, state.film, state.samples[image]
     pixels = settings.width * settings.height
 
     def plane(sums: wp.array) -> np.ndarray:
         values = sums[image * pixels : (image + 1) * pixels].numpy()
         return values.reshape(settings.height, settings.width, *values.shape[1:])
 
+    def mean(sums: wp.array) -> np.ndarray:
+        values = plane(sums)
+        return values / counts.reshape(*counts.shape, *(1,) * (values.ndim - 2))
+
     _check_finite(model, image, plane(film.invalid))
-    radiance = plane(film.radiance) / n
-    spread = np.maximum(plane(film.radiance_sq) / n - radiance**2, 0.0)
-    variance = spread / (n - 1) if n > 1 else np.full_like(spread, np.inf)
+    radiance = mean(film.radiance)
+    spread = np.maximum(mean(film.radiance_sq) - radiance**2, 0.0)
+    several = counts[..., None] > 1
+    variance = np.where(several, spread / np.where(several, counts[..., None] - 1, 1), np.inf)
     exposure = model.scene.camera.exposure_scale
     aovs: dict[Aov, np.ndarray] = {}
     if Aov.DEPTH in settings.aovs:
@@ -363,15 +371,17 @@ def develop(model: Model, state: State, image: int = 0) -> RenderResult:
         aovs[Aov.DEPTH] = np.where(depth < FARTHEST, depth, np.inf).astype(np.float32)
     for aov in MEAN_AOVS:
         if aov in settings.aovs:
-            aovs[aov] = (plane(getattr(film, aov)) / n).astype(np.float32)
+            aovs[aov] = mean(getattr(film, aov)).astype(np.float32)
     if Aov.MOTION in settings.aovs:
         aovs[Aov.MOTION] = aovs[Aov.MOTION][..., :2]
     if Aov.DIRECT in settings.aovs:
         aovs[Aov.DIRECT] *= np.float32(exposure)
     if Aov.INDIRECT in settings.aovs:
-        aovs[Aov.INDIRECT] = (exposure * (radiance - plane(film.direct) / n)).astype(np.float32)
+        aovs[Aov.INDIRECT] = (exposure * (radiance - mean(film.direct))).astype(np.float32)
     if Aov.SCATTERINGS in settings.aovs:
-        aovs[Aov.SCATTERINGS] = (plane(film.scatterings) / n).astype(np.float32)
+        aovs[Aov.SCATTERINGS] = mean(film.scatterings).astype(np.float32)
+    if Aov.SAMPLES in settings.aovs:
+        aovs[Aov.SAMPLES] = counts.copy()
     numbers, instances = _prim_numbers(model.scene)
     if Aov.PRIM_ID in settings.aovs:
         aovs[Aov.PRIM_ID] = numbers[plane(film.seen_item)]
@@ -379,15 +389,15 @@ def develop(model: Model, state: State, image: int = 0) -> RenderResult:
         aovs[Aov.INSTANCE_ID] = instances[plane(film.seen_item)]
     return RenderResult(
         radiance=(exposure * radiance).astype(np.float32),
-        alpha=(plane(film.alpha) / n).astype(np.float32),
+        alpha=mean(film.alpha).astype(np.float32),
         variance=(exposure**2 * variance).astype(np.float32),
         aovs=aovs,
-        samples=n,
-        path_count=n * pixels,
+        samples=round(float(counts.mean())),
+        path_count=int(counts.sum(dtype=np.int64)),
         truncated_count=int(plane(film.truncated).sum(dtype=np.int64)),
         seconds=float(state.seconds[image]),
         settings=replace(settings, seed=model.variants[image].seed),
-        provenance=_provenance(model, image, n),
+        provenance=_provenance(model, image, round(float(counts.mean()))),
     )
 
 
@@ -413,14 +423,16 @@ class _Task:
 
 
 def _advance_cpu(
-    model: Model, state: State, images: Sequence[int], samples: int, progress: Progress | None
+    model: Model, state: State, images: Sequence[int], wanted: np.ndarray, progress: Progress | None
 ) -> Iterator[int]:
     """Threads pull tasks; a launch runs on the thread that asks for it and releases the GIL."""
     settings = model.settings
     pixels = settings.width * settings.height
     threads = settings.threads or os.cpu_count() or 1
     task_pixels = min(pixels, PIXELS_PER_TASK, max(-(-pixels * len(images) // (TASKS_PER_THREAD * threads)), 1))
-    total, done, lock = pixels * len(images) * samples, 0, threading.Lock()
+    added = (wanted - state.samples).reshape(-1, pixels)
+    total, done, lock = int(added.sum(dtype=np.int64)), 0, threading.Lock()
+    counts = _counts(state, wanted, "cpu")
     stopped = threading.Event()
     own = threading.local()
 
@@ -428,8 +440,8 @@ def _advance_cpu(
         nonlocal done
         if not hasattr(own, "scratch"):
             own.scratch = wp.empty(model.program.scratch_floats, dtype=float, device="cpu")
-        at_once = max(1, PATHS_PER_LAUNCH // task.pixel_count)
-        for first_sample, sample_count in _rounds(int(state.samples[task.image]), samples, at_once):
+        of_task = added[task.image, task.first_pixel : task.first_pixel + task.pixel_count]
+        for part in _rounds(int(of_task.max()), max(1, PATHS_PER_LAUNCH // task.pixel_count)):
             if stopped.is_set():
                 return
             started = time.perf_counter()
@@ -443,14 +455,14 @@ def _advance_cpu(
                     pixels,
                     task.first_pixel,
                     task.pixel_count,
-                    first_sample,
-                    sample_count,
+                    counts,
+                    part,
                 ],
                 device="cpu",
             )
             with lock:
                 state.seconds[task.image] += (time.perf_counter() - started) / threads
-                done += task.pixel_count * sample_count
+                done += int(np.clip(of_task - part.skipped, 0, part.samples).sum(dtype=np.int64))
                 if progress is not None:
                     progress(done, total)
 
@@ -474,34 +486,45 @@ def _advance_cpu(
 
 
 def _advance_cuda(
-    model: Model, state: State, images: Sequence[int], samples: int, progress: Progress | None
+    model: Model, state: State, images: Sequence[int], wanted: np.ndarray, progress: Progress | None
 ) -> Iterator[int]:
     """All images at once, some samples a launch."""
     settings = model.settings
     pixels, chosen = settings.width * settings.height, np.array(images, dtype=np.int32)
     on_device = wp.array(chosen, dtype=int, device=settings.device)
-    at_once = max(1, PATHS_PER_CUDA_LAUNCH // (pixels * len(images)))
-    done = 0
+    added = wanted[chosen] - state.samples[chosen]
+    total, done = int(added.sum(dtype=np.int64)), 0
+    counts = _counts(state, wanted, settings.device)
     started = time.perf_counter()
-    for first_sample, sample_count in _rounds(int(state.samples[chosen[0]]), samples, at_once):
+    for part in _rounds(int(added.max()), max(1, PATHS_PER_CUDA_LAUNCH // (pixels * len(images)))):
         wp.launch(
             model.program.render_threads,
             dim=(len(images), pixels),
-            inputs=[*_inputs(model, state), on_device, pixels, first_sample, sample_count],
+            inputs=[*_inputs(model, state), on_device, pixels, counts, part],
             device=settings.device,
             block_dim=BLOCK_DIM,
         )
         wp.synchronize_device(settings.device)
-        done += pixels * len(images) * sample_count
+        done += int(np.clip(added - part.skipped, 0, part.samples).sum(dtype=np.int64))
         if progress is not None:
-            progress(done, pixels * len(images) * samples)
+            progress(done, total)
     state.seconds[chosen] += (time.perf_counter() - started) / len(images)
     yield from images
 
 
-def _rounds(first: int, samples: int, at_once: int) -> Iterator[tuple[int, int]]:
-    for start in range(first, first + samples, at_once):
-        yield start, min(at_once, first + samples - start)
+def _counts(state: State, wanted: np.ndarray, device: str) -> Any:
+    counts = Counts()
+    # Copies: the samples that an image has are changed while others are still rendered.
+    counts.done = wp.array(state.samples.ravel(), dtype=int, device=device)
+    counts.wanted = wp.array(wanted.ravel(), dtype=int, device=device)
+    return counts
+
+
+def _rounds(samples: int, at_once: int) -> Iterator[Any]:
+    for skipped in range(0, samples, at_once):
+        part = Round()
+        part.skipped, part.samples = skipped, at_once
+        yield part
 
 
 def _inputs(model: Model, state: State) -> list[Any]:

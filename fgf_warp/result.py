@@ -9,6 +9,11 @@ import numpy as np
 
 from fgf_warp.settings import Aov, RenderSettings
 
+BLOCK = 8
+"""Side of the blocks over which errors are taken [pixel]; those at the right and at the bottom may be smaller."""
+DARK = 0.01
+"""Of the image's mean: what is darker counts as so bright in relative errors, or next to nothing would decide them."""
+
 
 @dataclass(frozen=True, eq=False)
 class RenderResult:
@@ -48,13 +53,69 @@ class RenderResult:
 
     @property
     def relative_standard_error(self) -> float:
-        """Standard error over mean, averaged over the pixels that are not black; 0 for a black image."""
-        mean = self.radiance.sum(axis=2, dtype=np.float64)
-        lit = mean > 0
-        error = self.standard_error.sum(axis=2, dtype=np.float64)
-        return float((error[lit] / mean[lit]).mean()) if lit.any() else 0.0
+        """Standard error over mean, averaged over the blocks of pixels that are not black; 0 for a black image."""
+        return self.relative_error("mean")
+
+    def relative_error(self, over: str) -> float:
+        """Standard error over mean of blocks of pixels, see `block_errors`.
+
+        Args:
+            over: ``mean`` or ``rms`` over them, or a percentile, such as ``p95``.
+        """
+        return error_over(over, *block_errors(self.radiance, self.variance))
 
     @property
     def samples_per_second(self) -> float:
         """Camera paths per second of wall time."""
         return self.path_count / self.seconds if self.seconds > 0 else 0.0
+
+
+def block_means(plane: np.ndarray) -> np.ndarray:
+    """Means over the blocks of a plane.
+
+    Args:
+        plane: (height, width, ...), the further axes are averaged too.
+
+    Returns:
+        (rows, columns) of blocks, float64.
+    """
+    flat = plane.reshape(*plane.shape[:2], -1).mean(axis=2, dtype=np.float64)
+    return _block_sums(flat) / block_sizes(flat.shape)
+
+
+def block_sizes(shape: tuple[int, ...]) -> np.ndarray:
+    """(rows, columns) pixels in each block of a plane of this height and width."""
+    return _block_sums(np.ones(shape))
+
+
+def _block_sums(plane: np.ndarray) -> np.ndarray:
+    rows, columns = (np.arange(0, size, BLOCK) for size in plane.shape)
+    return np.add.reduceat(np.add.reduceat(plane, rows, axis=0), columns, axis=1)
+
+
+def block_errors(radiance: np.ndarray, variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Relative errors of blocks of pixels: the root of the mean variance, over the mean radiance.
+
+    Args:
+        radiance: (height, width, channels).
+        variance: the same, or squares of differences.
+
+    Returns:
+        (rows, columns) errors, and how many pixels of each count: none of a black block.
+    """
+    means = block_means(radiance)
+    bright = np.maximum(means, DARK * radiance.mean(dtype=np.float64))
+    errors = np.sqrt(block_means(variance)) / np.where(bright > 0, bright, 1.0)
+    return errors, np.where(means > 0, block_sizes(radiance.shape[:2]), 0.0)
+
+
+def error_over(over: str, errors: np.ndarray, pixels: np.ndarray) -> float:
+    """One number for the errors of blocks, see `RenderResult.relative_error`; 0 for a black image."""
+    if not pixels.any():
+        return 0.0
+    if over == "mean":
+        return float(np.average(errors, weights=pixels))
+    if over == "rms":
+        return float(np.sqrt(np.average(errors**2, weights=pixels)))
+    share = float(over.removeprefix("p")) / 100
+    return float(np.quantile(errors.ravel(), share, weights=pixels.ravel(), method="inverted_cdf"))

@@ -60,7 +60,15 @@ ALLOWED = {
         "fgf_warp.settings",
         "fgf_warp.upload",
     ),
+    "fgf_warp.convergence": (
+        "fgf_warp.errors",
+        "fgf_warp.renderer",
+        "fgf_warp.result",
+        "fgf_warp.scene",
+        "fgf_warp.settings",
+    ),
     "fgf_warp.finishing": (
+        "fgf_warp.convergence",
         "fgf_warp.errors",
         "fgf_warp.output",
         "fgf_warp.renderer",

@@ -37,6 +37,8 @@ class Path:
     row: int
     column: int
     sample: int
+    end_sample: int
+    """After the last one of the pixel, for now; in a lane without a pixel equal to `sample`, or one less at its end."""
     shift_x: int
     shift_y: int
     """Of the pixel's lattice."""
@@ -134,8 +136,9 @@ class Path:
 
 def slots(features: Any) -> dict[str, int]:
     """First row of each number that paths carry between the stages of a scene of these features."""
-    sizes = {"pixel": 1, "row": 1, "column": 1, "sample": 1, "turn": 1, "alive": 1, "origin": 3, "direction": 3}
-    sizes |= {"throughput": 3, "radiance": 3, "alpha": 1, "truncated": 1, "bounce": 1, "depth": 1, "xi": 4, "flight": 1}
+    sizes = {"pixel": 1, "row": 1, "column": 1, "sample": 1, "end_sample": 1, "turn": 1, "alive": 1}
+    sizes |= {"origin": 3, "direction": 3, "throughput": 3, "radiance": 3, "alpha": 1, "truncated": 1}
+    sizes |= {"bounce": 1, "depth": 1, "xi": 4, "flight": 1}
     sizes |= {"hit_t": 1, "hit_kind": 1, "hit_item": 1}
     if features.sampler == "lattice":
         sizes |= {"shift_x": 1, "shift_y": 1}
@@ -365,6 +368,7 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         path.row = get_int(lanes, wp.static(at["row"]), i)
         path.column = get_int(lanes, wp.static(at["column"]), i)
         path.sample = get_int(lanes, wp.static(at["sample"]), i)
+        path.end_sample = get_int(lanes, wp.static(at["end_sample"]), i)
         path.turn = get_int(lanes, wp.static(at["turn"]), i)
         path.alive = get_int(lanes, wp.static(at["alive"]), i)
         path.origin = get3(lanes, wp.static(at["origin"]), i)
@@ -485,6 +489,7 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
         put_int(lanes, wp.static(at["row"]), i, path.row)
         put_int(lanes, wp.static(at["column"]), i, path.column)
         put_int(lanes, wp.static(at["sample"]), i, path.sample)
+        put_int(lanes, wp.static(at["end_sample"]), i, path.end_sample)
         put_int(lanes, wp.static(at["turn"]), i, path.turn)
         put_int(lanes, wp.static(at["alive"]), i, path.alive)
         put3(lanes, wp.static(at["origin"]), i, path.origin)

@@ -109,7 +109,5 @@ def _plane(result: RenderResult, aov: Aov) -> np.ndarray:
     shape = (*result.alpha.shape, len(AOV_CHANNELS[aov]))
     if aov is Aov.VARIANCE:
         return result.variance
-    if aov is Aov.SAMPLES:
-        return np.full(shape, result.samples, np.float32)
     plane = result.aovs[aov]
     return np.broadcast_to(plane if plane.ndim == 3 else plane[..., None], shape)

@@ -16,6 +16,7 @@ from generators.commands.common import (
     Memory,
     check_choice,
     fail,
+    parse_share,
     progress_bar,
     start_warp,
     warn,
@@ -24,6 +25,7 @@ from generators.commands.common import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from fgf_warp.convergence import Goal
     from fgf_warp.features import Reason
     from fgf_warp.result import RenderResult
     from fgf_warp.scene import Scene
@@ -53,7 +55,33 @@ def render(
     height: Annotated[
         int | None, typer.Option("--imageHeight", metavar="N", help="[pixel]; default: from the aspect ratio.")
     ] = None,
-    spp: Annotated[int | None, typer.Option(metavar="N", help="Samples per pixel, in place of the preset's.")] = None,
+    spp: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Samples per pixel, in place of the preset's; with --targetError or --time the most on average.",
+        ),
+    ] = None,
+    target_error: Annotated[
+        str | None,
+        typer.Option(
+            "--targetError",
+            "--target-error",
+            metavar="ERROR",
+            help="Render until the relative standard error of the image is this, such as 0.01 or 1%.",
+        ),
+    ] = None,
+    error_over: Annotated[
+        str | None,
+        typer.Option(
+            "--errorOver",
+            metavar="HOW",
+            help="Over its blocks of 8 x 8 pixels, of which: mean, rms, or a percentile such as p95; default: mean.",
+        ),
+    ] = None,
+    time: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Render so long at most, without building the kernel.")
+    ] = None,
     preset: Annotated[str, typer.Option(help=f"{', '.join(PRESETS)}.")] = "balanced",
     seed: Annotated[int, typer.Option(metavar="N", help="Equal seeds give equal pixels.")] = 0,
     max_depth: Annotated[
@@ -153,6 +181,7 @@ def render(
     if line_variance is not None:
         check_choice("--lineVariance", line_variance, LINE_VARIANCES)
     check_choice("--complexity", complexity, COMPLEXITIES)
+    goal = _choose_goal(target_error, error_over, time, spp)
     times = _choose_frames(frames, default_time=default_time)
     warned: set[str] = set()
 
@@ -206,7 +235,7 @@ def render(
         start_warp(device)
         for done, picture in enumerate(pictures):
             try:
-                _render_picture(picture, *load(picture.frame, picture.product))
+                _render_picture(picture, *load(picture.frame, picture.product), goal)
             except KeyboardInterrupt:
                 fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
 
@@ -222,9 +251,10 @@ def _choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | 
     return parse_frames(spec)
 
 
-def _render_picture(picture: Picture, scene: Scene, settings: RenderSettings) -> None:
+def _render_picture(picture: Picture, scene: Scene, settings: RenderSettings, goal: Goal | None) -> None:
     """Renders one image and writes its files, each whole or not at all."""
-    from fgf_warp.finishing import as_rendered, render_image  # noqa: PLC0415 - starts Warp
+    from fgf_warp.convergence import FIRST_SPP  # noqa: PLC0415 - starts Warp
+    from fgf_warp.finishing import as_rendered, render_image  # noqa: PLC0415
     from fgf_warp.output.color import write_png  # noqa: PLC0415
     from fgf_warp.output.exr import write_exr  # noqa: PLC0415
     from fgf_warp.renderer import check_memory, prepare  # noqa: PLC0415
@@ -232,16 +262,36 @@ def _render_picture(picture: Picture, scene: Scene, settings: RenderSettings) ->
     check_memory(settings)
     with progress_bar(counted=False) as progress:
         task = progress.add_task("building the kernel", total=None)
-        prepare(*as_rendered(scene, settings))
+        plain, asked = as_rendered(scene, settings)
+        prepare(plain, asked)
 
         def show(done: int, total: int) -> None:
-            progress.update(task, description=f"rendering {picture.exr.name}", completed=done, total=total)
+            # How much is needed for a goal is known after the first round.
+            is_known = goal is None or total > FIRST_SPP * asked.width * asked.height
+            expected = total if is_known else None
+            progress.update(task, description=f"rendering {picture.exr.name}", completed=done, total=expected)
 
-        result = render_image(scene, settings, show)
+        result = render_image(scene, settings, goal, show)
     write_exr(picture.exr, result)
     if picture.png:
         write_png(picture.png, result.aovs.get(Aov.DENOISED, result.radiance))
-    _print_render(result, picture.files)
+    _print_render(result, goal, picture.files)
+
+
+def _choose_goal(target_error: str | None, error_over: str | None, time: float | None, spp: int | None) -> Goal | None:
+    """None where the number of samples per pixel is given beforehand."""
+    if error_over is not None and target_error is None:
+        raise ConfigError("--errorOver is of the error that --targetError asks for, which is missing")
+    if target_error is None and time is None:
+        return None
+    from fgf_warp.convergence import MAX_SPP, Goal  # noqa: PLC0415 - starts Warp
+
+    return Goal(
+        error=None if target_error is None else parse_share("--targetError", target_error),
+        over=error_over or "mean",
+        time=time,
+        max_spp=MAX_SPP if spp is None else spp,
+    )
 
 
 def _choose_aovs(names: list[str] | None) -> frozenset[Aov] | None:
@@ -254,11 +304,14 @@ def _choose_aovs(names: list[str] | None) -> frozenset[Aov] | None:
     return frozenset(Aov(name) for name in names)
 
 
-def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
+def _print_render(result: RenderResult, goal: Goal | None, files: Sequence[Path]) -> None:
+    over = "mean" if goal is None else goal.over
     typer.echo(
         f"{result.seconds:.2f} s, {result.samples_per_second:.4g} samples/s, {result.samples} samples per pixel, "
-        f"mean relative standard error {result.relative_standard_error:.2%}"
+        f"{over} relative standard error {result.relative_error(over):.2%}"
     )
+    if goal is not None:
+        typer.echo(f"ended by {_ended_by(result, goal)}")
     if result.truncated_count:
         share = result.truncated_count / result.path_count
         warn(
@@ -269,6 +322,13 @@ def _print_render(result: RenderResult, files: Sequence[Path]) -> None:
         )
     for file in files:
         typer.echo(f"wrote {file}")
+
+
+def _ended_by(result: RenderResult, goal: Goal) -> str:
+    """The bound that was met first."""
+    if goal.is_met_by(result):
+        return f"--targetError {goal.error:.4g}"
+    return f"--spp {goal.max_spp}" if goal.time is None or result.samples >= goal.max_spp else f"--time {goal.time:g}"
 
 
 def _print_reasons(reasons: Sequence[Reason]) -> None:

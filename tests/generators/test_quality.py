@@ -66,7 +66,7 @@ def test_images_of_a_batch_may_go_on_alone(tmp_path):
     assert list(advance(model, apart, 4)) == [0, 1, 2]
     assert list(advance(model, apart, 8, images=[2, 0])) == [2, 0]
     assert list(advance(model, apart, 8, images=[])) == []
-    assert list(apart.samples) == [12, 4, 12]
+    assert [set(samples.flat) for samples in apart.samples] == [{12}, {4}, {12}]
     assert apart.seconds[1] < apart.seconds[0]
     for image in (0, 2):
         a, b = develop(model, together, image), develop(model, apart, image)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from fgf_warp.integrator import Counts, Round
 from fgf_warp.renderer import begin, build_model, develop, step
 from fgf_warp.settings import RENDERED_AOVS, Aov, RenderSettings
 from tests.grid import REGIMES
@@ -31,7 +32,11 @@ def launch_threads(model, state):
     kernel.module.load(wp.get_device("cpu"), 1)
     pixels = model.settings.width * model.settings.height
     images = wp.zeros(1, dtype=int, device="cpu")
-    inputs = [model.uploaded.data, model.uploaded.limits, state.film, images, pixels, 0, model.settings.spp]
+    counts, part = Counts(), Round()
+    counts.done = wp.zeros(pixels, dtype=int, device="cpu")
+    counts.wanted = wp.full(pixels, model.settings.spp, dtype=int, device="cpu")
+    part.samples = model.settings.spp
+    inputs = [model.uploaded.data, model.uploaded.limits, state.film, images, pixels, counts, part]
     wp.launch(kernel, dim=(1, pixels), inputs=inputs, device="cpu")
 
 

@@ -34,7 +34,7 @@ def measure(scene, quantities):
             assert result.truncated_count == 0
             return means, result
         # As many more as the error asks for, and a little over.
-        samples = int(state.samples[0] * min(8.0, 1.1 * (worst / RELATIVE_ERROR) ** 2 - 1)) + 64
+        samples = int(state.samples.max() * min(8.0, 1.1 * (worst / RELATIVE_ERROR) ** 2 - 1)) + 64
 
 
 def check_rows(rows, transport):

@@ -1,0 +1,288 @@
+"""Renders until an image is good enough: to a relative error, in a time, or with so many samples, put where they help.
+
+An image is rendered as two halves, with random numbers of their own, and is their mean. Half their difference is as
+large as the image's error, whatever the sampler. After a pilot, in which all pixels get equally many samples, each
+block of pixels of one half gets samples in proportion to the relative error that the *other* half has there, which for
+a given number in all makes the mean square of the relative error least (Neyman's allocation). No pixel's samples
+decide how many it gets, so the image is unbiased; only the number in all follows from the whole image.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fgf_warp.errors import ConfigError, NumericalError
+from fgf_warp.renderer import Model, Progress, State, Variant, advance, batches, begin, develop
+from fgf_warp.result import BLOCK, RenderResult, block_errors, block_means, block_sizes, error_over
+from fgf_warp.scene import Scene
+from fgf_warp.settings import Aov, RenderSettings
+
+MAX_SPP = 2**20
+"""That no goal exceeds unless it says so."""
+FIRST_SPP = 4
+"""Samples per pixel of the first round, so few that the error even of a large image is soon known."""
+PILOT_SPP = 32
+"""After which it is known where more are needed."""
+GROWTH = 4
+"""Of the samples from round to round, at most: the first ones know little of what is needed."""
+EVEN_SHARE = 0.2
+"""Of the samples, that all blocks get alike: the pilot may have missed what is rare."""
+LEAST_GROWTH = 1.05
+"""Of a further round, so that none is spent on next to nothing."""
+UNUSED_TIME = 0.02
+"""Share of a time that is not worth a further round."""
+SECOND_HALF = 0x9E3779B97F4A7C15
+"""The bits of the seed that tell the second half from the first."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """When an image is good enough: whichever bound is met first.
+
+    Args:
+        error: relative standard error, in (0, 1), see `RenderResult.relative_error`.
+        over: which blocks of pixels must have it: ``mean`` or ``rms`` over all, or a percentile, such as ``p95``.
+        time: wall time [s], > 0, but for building the kernel; the first round is rendered in any case.
+        max_spp: samples per pixel on average, in [4, 2^31).
+
+    Raises:
+        ConfigError: naming the bound, its value and the accepted range.
+    """
+
+    error: float | None = None
+    over: str = "mean"
+    time: float | None = None
+    max_spp: int = MAX_SPP
+
+    def __post_init__(self) -> None:
+        if self.error is not None and not 0 < self.error < 1:
+            raise ConfigError(f"error = {self.error!r}; accepted: a relative error in (0, 1), such as 0.01")
+        if self.time is not None and not 0 < self.time < math.inf:
+            raise ConfigError(f"time = {self.time!r}; accepted: seconds > 0")
+        if not re.fullmatch(r"mean|rms|p[1-9][0-9]?", self.over):
+            raise ConfigError(f"over = {self.over!r}; accepted: mean, rms, or a percentile from p1 to p99")
+        if not isinstance(self.max_spp, int) or not FIRST_SPP <= self.max_spp < 2**31:
+            raise ConfigError(f"max_spp = {self.max_spp!r}; accepted: an integer in [{FIRST_SPP}, 2^31)")
+
+    def is_met_by(self, result: RenderResult) -> bool:
+        """Whether an image has the error that is asked for."""
+        return self.error is not None and result.relative_error(self.over) <= self.error
+
+
+def render_until(scene: Scene, settings: RenderSettings, goal: Goal, progress: Progress | None = None) -> RenderResult:
+    """Renders a scene until it is good enough.
+
+    Args:
+        scene: what to render.
+        settings: how; the goal takes the place of their samples per pixel.
+        goal: when to stop.
+        progress: called with the camera paths done, and expected in all, which changes.
+
+    Raises:
+        ConfigError: for a device that is not there, or an image that needs more memory than `settings.memory`.
+        UnsupportedFeatureError: for a scene that this version cannot render.
+        NumericalError: where a sample was not finite.
+    """
+    ((_, result),) = render_batch_until(scene, [Variant(scene.media, settings.seed)], settings, goal, progress)
+    if isinstance(result, NumericalError):
+        raise result
+    return result
+
+
+def render_batch_until(
+    scene: Scene,
+    variants: Sequence[Variant],
+    settings: RenderSettings,
+    goal: Goal,
+    progress: Progress | None = None,
+) -> Iterator[tuple[int, RenderResult | NumericalError]]:
+    """Renders many images of one scene, each until it is good enough.
+
+    Args:
+        scene: whose media the variants replace.
+        variants: one for each image. Those with laws of one kind should follow each other.
+        settings: that the images share, but for the seed.
+        goal: of each image. To a time they are rendered one after the other.
+        progress: called with the camera paths of one batch that are done, and expected in all, which changes.
+
+    Yields:
+        The index of an image and the image, or why there is none, as soon as it is good enough.
+
+    Raises:
+        ConfigError: where the memory does not hold a single image, or for a device that is not there.
+        UnsupportedFeatureError: for a scene that this version cannot render.
+    """
+    halves = [half for variant in variants for half in (variant, replace(variant, seed=variant.seed ^ SECOND_HALF))]
+    first = 0
+    for model in batches(scene, halves, settings, together=2):
+        # In a function, so that the films of a batch are gone before the next are made.
+        for image, result in _converge_batch(model, goal, progress):
+            yield first + image, result
+        first += len(model.variants) // 2
+
+
+def merge_halves(first: RenderResult, second: RenderResult, spp: int) -> RenderResult:
+    """The image of two halves that share no random number.
+
+    Args:
+        first: one.
+        second: the other.
+        spp: samples per pixel of both, on average.
+
+    Returns:
+        Their mean; its variance is that of the samples, scaled so that the mean relative error is that which half the
+        difference of the halves has.
+    """
+    radiance = (first.radiance + second.radiance) / 2
+    variance = (first.variance + second.variance) / 4
+    found = error_over("mean", *block_errors(radiance, ((first.radiance - second.radiance) / 2) ** 2))
+    told = error_over("mean", *block_errors(radiance, variance))
+    parameters = first.provenance["settings"] | {"spp": spp, "adaptive": True}
+    return replace(
+        first,
+        radiance=radiance,
+        alpha=(first.alpha + second.alpha) / 2,
+        variance=variance * np.float32((found / told) ** 2 if told > 0 else 1.0),
+        aovs={aov: _merge_planes(aov, plane, second.aovs[aov]) for aov, plane in first.aovs.items()},
+        samples=spp,
+        path_count=first.path_count + second.path_count,
+        truncated_count=first.truncated_count + second.truncated_count,
+        seconds=first.seconds + second.seconds,
+        provenance=first.provenance | {"settings": parameters},
+    )
+
+
+def _merge_planes(aov: Aov, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    if aov is Aov.DEPTH:
+        return np.minimum(first, second)
+    if aov is Aov.SAMPLES:
+        return first + second
+    if aov is Aov.PRIM_ID:
+        return np.where(first == 0, second, first)
+    if aov is Aov.INSTANCE_ID:
+        return np.where(first < 0, second, first)
+    return (first + second) / 2
+
+
+def _converge_batch(
+    model: Model, goal: Goal, progress: Progress | None
+) -> Iterator[tuple[int, RenderResult | NumericalError]]:
+    state = begin(model)
+    images = [_Image(model, number, goal) for number in range(len(model.variants) // 2)]
+    pixels = model.settings.width * model.settings.height
+
+    def show(done: int, _: int) -> None:
+        if progress:
+            expected = pixels * sum(image.expected_spp for image in images)
+            progress(min(int(state.samples.sum(dtype=np.int64)) + done, expected), expected)
+
+    for group in [[image] for image in images] if goal.time is not None else [images]:
+        yield from _converge(model, state, group, show)
+
+
+def _converge(
+    model: Model, state: State, images: list[_Image], progress: Progress
+) -> Iterator[tuple[int, RenderResult | NumericalError]]:
+    """Renders in rounds; an image that is good enough takes no part in the next one."""
+    began = time.perf_counter()
+    while images:
+        halves = [half for image in images for half in image.halves]
+        added = np.concatenate([image.counts() for image in images]) - state.samples[halves]
+        for _ in advance(model, state, added, progress, halves):
+            pass
+        unfinished = []
+        for image in images:
+            try:
+                result = image.develop(model, state)
+            except NumericalError as error:
+                yield image.number, error
+                continue
+            if image.goes_on(result, time.perf_counter() - began):
+                unfinished.append(image)
+            else:
+                yield image.number, result
+        images = unfinished
+
+
+class _Image:
+    """An image on the way to its goal.
+
+    Args:
+        model: whose image it is.
+        number: of the image.
+        goal: to reach.
+    """
+
+    def __init__(self, model: Model, number: int, goal: Goal) -> None:
+        self.number, self.halves = number, (2 * number, 2 * number + 1)
+        self.spp = self.expected_spp = FIRST_SPP
+        self._goal, self._shape = goal, (model.settings.height, model.settings.width)
+        self._densities = np.ones((2, *(-(-size // BLOCK) for size in self._shape)))
+
+    def counts(self) -> np.ndarray:
+        """(2, height, width) samples of both halves that `spp` are in all."""
+        per_pixel = self._block_counts(self.spp).repeat(BLOCK, axis=1).repeat(BLOCK, axis=2)
+        return per_pixel[:, : self._shape[0], : self._shape[1]].astype(np.int32)
+
+    def _block_counts(self, spp: int) -> np.ndarray:
+        """(2, rows, columns) samples per pixel, which never fall where `spp` grows."""
+        return np.maximum(np.rint(spp / 2 * self._densities), min(spp, PILOT_SPP) // 2)
+
+    def develop(self, model: Model, state: State) -> RenderResult:
+        """What is there so far.
+
+        Raises:
+            NumericalError: where a sample was not finite, naming its pixel.
+        """
+        first, second = (develop(model, state, half) for half in self.halves)
+        result = merge_halves(first, second, self.spp)
+        self._errors, self._pixels = block_errors(result.radiance, result.variance)
+        variances = np.stack([block_means(half.variance) for half in (first, second)])
+        # Of each half in the error of both, at the numbers of samples that they have.
+        shares = variances / np.where(variances.sum(axis=0) > 0, variances.sum(axis=0), np.inf)
+        self._spreads = shares * self._block_counts(self.spp)
+        if self.spp == PILOT_SPP:
+            # Each by what the other one needs.
+            self._densities = np.stack([_density(second), _density(first)])
+        return result
+
+    def goes_on(self, result: RenderResult, seconds: float) -> bool:
+        """Whether another round is worth it, after so many; `spp` says to how many samples."""
+        limit = self._goal.max_spp
+        if self._goal.time is not None:
+            limit = min(limit, int(self.spp * self._goal.time / seconds))
+            if limit < (1 + UNUSED_TIME) * self.spp:
+                limit = self.spp
+        self.expected_spp = min(limit, self._needed_spp())
+        if self._goal.is_met_by(result) or limit == self.spp:
+            self.expected_spp = self.spp
+            return False
+        self.spp = min(self.expected_spp, PILOT_SPP if self.spp < PILOT_SPP else GROWTH * self.spp)
+        return True
+
+    def _needed_spp(self) -> int:
+        """The least that the error is expected to need."""
+        if self._goal.error is None:
+            return self._goal.max_spp
+        tried = LEAST_GROWTH * self.spp
+        while tried < self._goal.max_spp and (found := self._expected_error(tried)) > self._goal.error:
+            # The error falls as the root of the number, or faster where all are put where they help.
+            tried *= max(found / self._goal.error, LEAST_GROWTH)
+        return math.ceil(min(tried, self._goal.max_spp))
+
+    def _expected_error(self, spp: float) -> float:
+        falls = np.sqrt((self._spreads / self._block_counts(round(spp))).sum(axis=0))
+        return error_over(self._goal.over, self._errors * falls, self._pixels)
+
+
+def _density(half: RenderResult) -> np.ndarray:
+    """(rows, columns) samples of the blocks that help a half most, over their mean."""
+    errors, _ = block_errors(half.radiance, half.variance)
+    mean = float(np.average(errors, weights=block_sizes(half.alpha.shape)))
+    return EVEN_SHARE + (1 - EVEN_SHARE) * (errors / mean if mean > 0 else np.ones_like(errors))
