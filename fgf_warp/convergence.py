@@ -31,7 +31,7 @@ PILOT_SPP = 32
 """After which it is known where more are needed."""
 GROWTH = 4
 """Of the samples from round to round, at most: the first ones know little of what is needed."""
-EVEN_SHARE = 0.2
+EVEN_SHARE = 0.1
 """Of the samples, that all blocks get alike: the pilot may have missed what is rare."""
 LEAST_GROWTH = 1.05
 """Of a further round, so that none is spent on next to nothing."""

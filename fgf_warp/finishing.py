@@ -87,6 +87,9 @@ def finish(result: RenderResult, settings: RenderSettings) -> RenderResult:
         result: of `as_rendered` settings.
         settings: of the picture.
     """
+    settings = replace(settings, seed=result.settings.seed)
+    if settings == result.settings:
+        return result
     started = time.perf_counter()
     if Aov.DENOISED in settings.aovs:
         result = _denoised(result)
@@ -96,7 +99,7 @@ def finish(result: RenderResult, settings: RenderSettings) -> RenderResult:
         result,
         aovs={aov: plane for aov, plane in result.aovs.items() if aov in settings.aovs},
         seconds=result.seconds + time.perf_counter() - started,
-        settings=replace(settings, seed=result.settings.seed),
+        settings=settings,
     )
 
 

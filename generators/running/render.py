@@ -119,13 +119,14 @@ def _render_group(
     from fgf_warp.renderer import Variant, batches  # noqa: PLC0415
 
     quality = _quality(plan, way, group[0])
-    scene, settings = as_rendered(plan.scene_of(group[0]), replace(plan.settings, threads=way.threads or cores()))
+    asked = replace(plan.settings, threads=way.threads or cores())
+    scene, settings = as_rendered(plan.scene_of(group[0]), asked)
     variants = [Variant(plan.media_of(sample), sample.seed) for sample in group]
     begun = 0
     for model in batches(scene, variants, settings):
         # In a function, so that the films of a batch are gone before the next are made.
         for image, result in _render_batch(model, quality, partial(_add, share, begun)):
-            yield group[begun + image], result if isinstance(result, NumericalError) else finish(result, plan.settings)
+            yield group[begun + image], result if isinstance(result, NumericalError) else finish(result, asked)
         begun += len(model.variants)
 
 
