@@ -115,15 +115,18 @@ def _groups(plan: Plan, samples: Sequence[Sample], way: Way) -> Iterator[list[Sa
 def _render_group(
     plan: Plan, group: Sequence[Sample], way: Way, share: Share
 ) -> Iterator[tuple[Sample, RenderResult | NumericalError]]:
-    from fgf_warp.renderer import Variant, batches  # noqa: PLC0415 - starts Warp
+    from fgf_warp.finishing import as_rendered, finish  # noqa: PLC0415 - starts Warp
+    from fgf_warp.renderer import Variant, batches  # noqa: PLC0415
 
-    settings, quality = replace(plan.settings, threads=way.threads or cores()), _quality(plan, way, group[0])
+    quality = _quality(plan, way, group[0])
+    asked = replace(plan.settings, threads=way.threads or cores())
+    scene, settings = as_rendered(plan.scene_of(group[0]), asked)
     variants = [Variant(plan.media_of(sample), sample.seed) for sample in group]
     begun = 0
-    for model in batches(plan.scene_of(group[0]), variants, settings):
+    for model in batches(scene, variants, settings):
         # In a function, so that the films of a batch are gone before the next are made.
         for image, result in _render_batch(model, quality, partial(_add, share, begun)):
-            yield group[begun + image], result
+            yield group[begun + image], result if isinstance(result, NumericalError) else finish(result, asked)
         begun += len(model.variants)
 
 
