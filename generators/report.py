@@ -146,12 +146,11 @@ body { font: 16px/1.55 system-ui, sans-serif; color: var(--text); background: va
 h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 0 1rem; }
 h2 { font-size: 1.35rem; margin: 3rem 0 .6rem; padding-top: 1.2rem; border-top: 1px solid var(--line); }
 h3 { font-size: 1rem; margin: 1.8rem 0 .4rem; }
-p, figcaption, caption, .note { max-width: 48rem; }
+p, figcaption { max-width: 48rem; }
 figure { margin: 0 0 1rem; }
 /* Drawn on white. */
 figure img { max-width: 100%; height: auto; background: #fff; }
-figcaption, caption, .note { color: var(--quiet); font-size: .9rem; text-align: left; }
-caption { padding-bottom: .5rem; }
+figcaption, .note { color: var(--quiet); font-size: .9rem; text-align: left; }
 .gallery { display: grid; gap: .8rem 1.2rem;
            grid-template-columns: repeat(auto-fill, minmax(min(100%, var(--column)), 1fr)); }
 .gallery figure { margin: 0; min-width: 0; }
@@ -212,9 +211,9 @@ nav a { color: var(--link); }
 </div>
 {% else %}
 <h3>{{ part.title }}</h3>
+<p class="note">{{ part.caption }}</p>
 <div class="scroll">
 <table>
-<caption>{{ part.caption }}</caption>
 <thead><tr>{% for column in part.columns %}<th>{{ column }}</th>{% endfor %}</tr></thead>
 <tbody>
 {% set table = part %}

@@ -104,6 +104,21 @@ def list_subjects(loaded: LoadedTradeoff) -> tuple[list[Subject], list[str]]:
     return subjects, warnings
 
 
+def applicable_rungs(scene: Scene, rungs: Mapping[str, RungConfig]) -> dict[str, RungConfig]:
+    """The rungs that change anything in a scene and that its media can have."""
+    return {name: rung for name, rung in rungs.items() if rung.matters(scene.media) and _accepts(scene, rung)}
+
+
+def _accepts(scene: Scene, rung: RungConfig) -> bool:
+    asked = {"transport": rung.transport, "line_variance": rung.line_variance}
+    changes: dict[str, Any] = {name: value for name, value in asked.items() if value is not None}
+    try:
+        scene.with_media(tuple(replace(medium, **changes) for medium in scene.media))
+    except SceneError:
+        return False
+    return True
+
+
 def measure(
     loaded: LoadedTradeoff, subjects: list[Subject], cache: Path, device: str, progress: Progress | None = None
 ) -> Outcome:
@@ -121,7 +136,8 @@ def measure(
         OutputError: where a reference cannot be put into the cache.
     """
     config = loaded.config
-    total = len(subjects) * config.replicates * (1 + len(config.rungs))
+    ladders = [applicable_rungs(subject.scene, config.rungs) for subject in subjects]
+    total = config.replicates * sum(1 + len(ladder) for ladder in ladders)
     done = 0
 
     def advance(name: str) -> Callable[[], None]:
@@ -143,8 +159,8 @@ def measure(
         device=device,
     )
     measured = [
-        measure_pair(subject, settings, config.rungs, config.replicates, cache, advance(subject.name))
-        for subject in subjects
+        measure_pair(subject, settings, ladder, config.replicates, cache, advance(subject.name))
+        for subject, ladder in zip(subjects, ladders, strict=True)
     ]
     front = Front(_versions(), _machine(device), config.size, config.replicates, tuple(one.pair for one in measured))
     return Outcome(front, tuple(measured))
@@ -257,15 +273,15 @@ def _render_replicates(
     scene: Scene, settings: RenderSettings, replicates: int, first_seed: int, progress: Callable[[], None]
 ) -> tuple[np.ndarray, float]:
     """Independent images and the median of the times that they took, once the kernel is there and warm."""
-    from fgf_warp.renderer import render  # noqa: PLC0415
+    from fgf_warp.finishing import render_image  # noqa: PLC0415 - starts Warp
 
-    render(scene, replace(settings, spp=1))
+    render_image(scene, replace(settings, spp=1))
     images, seconds = [], []
     for replicate in range(replicates):
         began = clock(settings)
-        result = render(scene, replace(settings, seed=first_seed + replicate))
+        result = render_image(scene, replace(settings, seed=first_seed + replicate))
         seconds.append(clock(settings) - began)
-        images.append(result.radiance)
+        images.append(result.aovs.get(Aov.DENOISED, result.radiance))
         progress()
     return np.stack(images), median(seconds)
 

@@ -29,19 +29,20 @@ ERROR_SHOWN = 0.2
 REFERENCE_MARGIN = 4.0
 """The reference's error should be so many times below any that is measured against it."""
 PRESETS_SHOWN = ("preview", BASE)
-FAMILIES = {
-    "spp": ("samples per pixel", "#1f5fae"),
-    "sampler": ("sampler", "#d98200"),
-    "max_depth": ("maximum depth", "#b3261e"),
-    "roulette_depth": ("roulette depth", "#1a7f4e"),
-    "similarity_order": ("similarity order", "#7a3fb5"),
-    "transport": ("transport", "#008c9e"),
-    "line_variance": ("line variance", "#8a6d3b"),
-    "upscale": ("upscaling", "#c2418f"),
-    "denoise": ("denoising", "#5b6470"),
+MEDIUM_COLUMNS = ("H", "g", "S_w", "sigma_m")
+FAMILIES: dict[str, tuple[str, str, tuple[int, int]]] = {
+    "spp": ("samples per pixel", "#1f5fae", (-3, -11)),
+    "sampler": ("sampler", "#d98200", (-4, 7)),
+    "max_depth": ("maximum depth", "#b3261e", (-9, 5)),
+    "roulette_depth": ("roulette depth", "#1a7f4e", (5, -3)),
+    "similarity_order": ("similarity order", "#7a3fb5", (4, 4)),
+    "transport": ("transport", "#008c9e", (4, 4)),
+    "line_variance": ("line variance", "#8a6d3b", (4, 4)),
+    "upscale": ("upscaling", "#c2418f", (4, 4)),
+    "denoise": ("denoising", "#5b6470", (4, -9)),
 }
-"""Name and colour of each knob."""
-PRESET_COLOR = "#111111"
+"""Name and colour of each knob, and where its labels are beside their marks [point], so that few are on others."""
+PRESETS_LOOK = ("presets", "#111111", (6, 5))
 
 
 @dataclass(frozen=True)
@@ -90,10 +91,10 @@ def draw_front(front: Front) -> bytes:
         if points:
             _draw_points(axes, points)
             _draw_more_samples(axes, points)
+            _percent_axis(axes, points)
+            axes.legend(loc="upper right", fontsize=8)
         axes.set_ylabel("relative error of 8 x 8 pixels")
         axes.set_title(f"Mean of {len(front.pairs)} scenes and media: left and low is good", loc="left")
-        _percent_axis(axes)
-        axes.legend(loc="upper right", fontsize=8)
         return image_bytes(figure)
 
 
@@ -181,40 +182,39 @@ def _rung_table(front: Front) -> Table:
 
 
 def _kept(front: Front) -> Section:
-    rows = []
-    for pair in front.pairs:
-        medium = pair.medium
-        named = {rung.name: rung for rung in pair.rungs}
-        presets = [f"{named[name].relative_rmse:.2%}" if name in named else "-" for name in PRESETS_SHOWN]
-        rows.append(
-            (
-                *(_shown(medium.get(key)) for key in ("H", "g", "S_w", "sigma_m")),
-                *presets,
-                *(_cheapest(pair, target, front.pixels) for target in TARGETS),
-                pair.name,
-            )
-        )
+    media = [tuple(_shown(pair.medium.get(key)) for key in MEDIUM_COLUMNS) for pair in front.pairs]
+    names = [name for name in PRESETS_SHOWN if name in _rung_names(front)]
     return Section(
         "What keeps which error",
-        (
-            "The error of the presets, and the settings that reach an error in the least time: with so many samples "
-            "per pixel, in so many CPU seconds for a million pixels. Where a setting has a bias, it must leave room "
-            "for the noise.",
-        ),
+        (),
         (
             Table(
-                "By medium",
-                "Errors are root mean square over blocks of 8 x 8 pixels, noise and bias together.",
-                (
-                    *("H", "g", "S_w", "sigma_m"),
-                    *PRESETS_SHOWN,
-                    *(f"for {target:.0%}" for target in TARGETS),
-                    "scene and medium",
+                "The presets",
+                "Their relative error, noise and bias together, and the least of "
+                f"{', '.join(f'{target:.0%}' for target in reversed(TARGETS))} that it keeps.",
+                (*MEDIUM_COLUMNS, *names, "scene and medium"),
+                tuple(
+                    (*medium, *(_error_text(pair.rung(name)) for name in names), pair.name)
+                    for medium, pair in zip(media, front.pairs, strict=True)
                 ),
-                tuple(rows),
+            ),
+            Table(
+                "The quickest settings for an error",
+                "What is changed beside the samples per pixel, how many of these are needed, and the CPU seconds for a "
+                "million pixels. Where a setting has a bias, it must leave room for the noise.",
+                (*MEDIUM_COLUMNS, *(f"for {target:.0%}" for target in TARGETS)),
+                tuple(
+                    (*medium, *(_cheapest(pair, target, front.pixels) for target in TARGETS))
+                    for medium, pair in zip(media, front.pairs, strict=True)
+                ),
             ),
         ),
     )
+
+
+def _error_text(rung: Rung) -> str:
+    kept = [target for target in TARGETS if rung.relative_rmse <= target]
+    return f"{rung.relative_rmse:.2%} ({f'keeps {min(kept):.0%}' if kept else f'not {TARGETS[0]:.0%}'})"
 
 
 def _cheapest(pair: Pair, target: float, pixels: int) -> str:
@@ -388,7 +388,7 @@ def _draw_points(axes: Axes, points: Sequence[Point]) -> None:
     axes.plot([p.time for p in best], [p.error for p in best], color="#9aa4b2", linewidth=2.5, zorder=1)
     named: set[str] = set()
     for point in points:
-        family, color = _family(point.rung)
+        family, color, place = _family(point.rung)
         axes.plot(
             point.time,
             point.error,
@@ -403,7 +403,7 @@ def _draw_points(axes: Axes, points: Sequence[Point]) -> None:
         axes.annotate(
             _label(point.rung),
             (point.time, point.error),
-            xytext=(4, 4),
+            xytext=place,
             textcoords="offset points",
             fontsize=7.5,
             color=color,
@@ -425,7 +425,7 @@ def _bias_plot(pair: Pair) -> bytes:
     figure = new_figure(4.4, 3.4)
     axes = figure.add_subplot()
     for row, rung in enumerate(reversed(pair.rungs)):
-        _, color = _family(rung)
+        _, color, _ = _family(rung)
         axes.plot([rung.bias_low, rung.bias_high], [row, row], color=color, linewidth=2)
         axes.plot(rung.bias, row, "o", color=color, markersize=4)
     axes.axvline(0.0, color="#1d2430", linewidth=0.8)
@@ -436,10 +436,12 @@ def _bias_plot(pair: Pair) -> bytes:
     return image_bytes(figure)
 
 
-def _percent_axis(axes: Axes) -> None:
-    ticks = [0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0]
+def _percent_axis(axes: Axes, points: Sequence[Point]) -> None:
+    low, high = min(point.error for point in points) / 1.4, max(point.error for point in points) * 1.4
+    ticks = [tick for tick in (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0) if low <= tick <= high]
     axes.set_yticks(ticks, [f"{tick:.0%}" if tick >= 0.01 else f"{tick:.1%}" for tick in ticks])
     axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.set_ylim(low, high)
 
 
 def _mean_points(front: Front) -> list[Point]:
@@ -464,17 +466,15 @@ def _beats(one: Point, other: Point) -> bool:
     return one.time <= other.time and one.error <= other.error and (one.time, one.error) != (other.time, other.error)
 
 
-def _family(rung: Rung) -> tuple[str, str]:
+def _family(rung: Rung) -> tuple[str, str, tuple[int, int]]:
     changed = [name for name in rung.settings if name != "spp"] or list(rung.settings)
-    if rung.name in PRESETS_SHOWN or len(changed) != 1:
-        return "presets", PRESET_COLOR
-    return FAMILIES.get(changed[0], (changed[0], PRESET_COLOR))
+    return FAMILIES[changed[0]] if len(changed) == 1 and rung.name not in PRESETS_SHOWN else PRESETS_LOOK
 
 
 def _label(rung: Rung) -> str:
-    if rung.name in PRESETS_SHOWN or len(rung.settings) != 1:
-        return rung.name
-    return str(next(iter(rung.settings.values())))
+    """Short where the colour says the rest: the value of the one setting that is changed."""
+    (value, *others) = rung.settings.values() or (True,)
+    return rung.name if others or value is True or rung.name in PRESETS_SHOWN else str(value)
 
 
 def _rung_names(front: Front) -> list[str]:
