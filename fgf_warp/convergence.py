@@ -38,6 +38,8 @@ LEAST_GROWTH = 1.05
 """Of a further round, so that none is spent on next to nothing."""
 UNUSED_TIME = 0.02
 """Share of a time that is not worth a further round."""
+ID_AOVS = frozenset({Aov.PRIM_ID, Aov.INSTANCE_ID})
+"""Planes of numbers that no mean can be taken of."""
 SECOND_HALF = 0x9E3779B97F4A7C15
 """The bits of the seed that tell the second half from the first."""
 
@@ -159,7 +161,7 @@ def merge_halves(first: RenderResult, second: RenderResult, spp: int) -> RenderR
         radiance=radiance,
         alpha=(first.alpha + second.alpha) / 2,
         variance=variance * np.float32(scale),
-        aovs={aov: _merge_planes(aov, plane, second.aovs[aov]) for aov, plane in first.aovs.items()},
+        aovs={aov: _merge_planes(aov, first.aovs, second.aovs) for aov in first.aovs},
         samples=spp,
         path_count=first.path_count + second.path_count,
         truncated_count=first.truncated_count + second.truncated_count,
@@ -168,15 +170,16 @@ def merge_halves(first: RenderResult, second: RenderResult, spp: int) -> RenderR
     )
 
 
-def _merge_planes(aov: Aov, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def _merge_planes(aov: Aov, ours: dict[Aov, np.ndarray], theirs: dict[Aov, np.ndarray]) -> np.ndarray:
+    first, second = ours[aov], theirs[aov]
     if aov is Aov.DEPTH:
         return np.minimum(first, second)
     if aov is Aov.SAMPLES:
         return first + second
-    if aov is Aov.PRIM_ID:
-        return np.where(first == 0, second, first)
-    if aov is Aov.INSTANCE_ID:
-        return np.where(first < 0, second, first)
+    if aov in ID_AOVS:
+        # Both of one prim: an instance's number is nothing without its prim's.
+        met_nothing = ours[Aov.PRIM_ID] == 0 if Aov.PRIM_ID in ours else first < 0
+        return np.where(met_nothing, second, first)
     return (first + second) / 2
 
 
