@@ -92,6 +92,14 @@ def render(
             help="Scattering events after which a path is cut, in place of the preset's; 1 is single scattering only.",
         ),
     ] = None,
+    similarity_order: Annotated[
+        int | None,
+        typer.Option(
+            "--similarityOrder",
+            metavar="N",
+            help="Scattering events after which a path sees the similar medium that scatters evenly; default: never.",
+        ),
+    ] = None,
     transport: Annotated[
         str | None, typer.Option(help=f"Of all media, in place of their own: {', '.join(TRANSPORTS)}.")
     ] = None,
@@ -206,6 +214,7 @@ def render(
             seed=seed,
             max_depth=PRESETS[preset].max_depth if max_depth is None else max_depth,
             roulette_depth=PRESETS[preset].roulette_depth,
+            similarity_order=similarity_order,
             aovs=planes | {Aov.DENOISED} if denoise else planes,
             sampler=Sampler(sampler),
             transport=cast("Transport | None", transport),
