@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 from fgf_warp import __version__
 from fgf_warp.errors import ConfigError, FgfError, OutputError
 from generators.dataset import layout
+from generators.dataset.plan_table import is_open
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Failure, encode
 from generators.dataset.store import Store
@@ -150,7 +151,7 @@ def generate(
     """
     from fgf_warp.renderer import check_memory  # noqa: PLC0415 - starts Warp
 
-    check_memory(plan.settings)
+    check_memory(plan.settings, images=2 if is_open(plan.meta.quality) else 1)
     started = time.perf_counter()
     store, shard, workers = Store(os.fspath(location)), shard or Shard(), workers or Workers()
     with opened(plan, config, store, shard) as indices, EventLog(store, layout.events(shard.suffix)) as log:
