@@ -17,15 +17,14 @@ from typing import Literal
 import numpy as np
 
 from fgf_warp.errors import OpenMeshError, SceneError
-from fgf_warp.theory.law import LINE_VARIANCES, LineLaw, LineVariance, build_line_law
+from fgf_warp.theory.choices import LINE_VARIANCES, TRANSPORTS, LineVariance, Transport
+from fgf_warp.theory.law import LineLaw, build_line_law
 from fgf_warp.theory.mixture import MIXTURE_ERROR, mix_exact_rates
 from fgf_warp.theory.phase import DRAINE_ALPHA_MAX
 
 Rgb = tuple[float, float, float]
 Vec3 = tuple[float, float, float]
 Vec4 = tuple[float, float, float, float]
-Transport = Literal["reciprocal", "renewal", "mixed"]
-TRANSPORTS: tuple[Transport, ...] = ("reciprocal", "renewal", "mixed")
 PhaseFunction = Literal["isotropic", "hg", "two_lobe", "draine"]
 PHASE_FUNCTIONS: tuple[PhaseFunction, ...] = ("isotropic", "hg", "two_lobe", "draine")
 PHASE_PARAMETERS: dict[str, tuple[PhaseFunction, ...]] = {

@@ -7,8 +7,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from fgf_warp.errors import ConfigError
+from fgf_warp.theory.choices import LINE_VARIANCES, TRANSPORTS, LineVariance, Transport
 
 SEED_MAX = 2**64 - 1
+UPSCALE_MAX = 8
+"""Beyond it a picture is made of so few pixels that it shows little of the scene."""
 GIB = 2**30
 """Bytes of a GiB."""
 MEMORY_MAX = 2**20
@@ -63,15 +66,20 @@ class Aov(StrEnum):
     """The radiance of light that is seen at once or after one scattering event, at a surface or in a medium."""
     INDIRECT = "indirect"
     """The rest of the radiance."""
+    DENOISED = "denoised"
+    """The radiance without its noise, by Intel Open Image Denoise, guided by albedo and normal: to look at, and biased.
+    The radiance itself stays as it is. Made by `finishing.finish`."""
 
 
-TRACED_AOVS = frozenset(Aov) - {Aov.VARIANCE, Aov.SAMPLES}
+RENDERED_AOVS = frozenset(Aov) - {Aov.DENOISED}
+"""The planes that the renderer makes by itself."""
+TRACED_AOVS = RENDERED_AOVS - {Aov.VARIANCE, Aov.SAMPLES}
 """The planes that a kernel must be built for; the others follow from its sums."""
 SPLIT_AOVS = frozenset({Aov.DIRECT, Aov.INDIRECT})
 """The two parts of the radiance; a render sums one and has both."""
 PRIM_AOVS = frozenset({Aov.PRIM_ID, Aov.INSTANCE_ID, Aov.MOTION})
 """Planes that tell what is seen first."""
-USUAL_AOVS = frozenset(Aov) - SPLIT_AOVS - {Aov.INSTANCE_ID, Aov.MOTION, Aov.OPTICAL_DEPTH, Aov.SCATTERINGS}
+USUAL_AOVS = RENDERED_AOVS - SPLIT_AOVS - {Aov.INSTANCE_ID, Aov.MOTION, Aov.OPTICAL_DEPTH, Aov.SCATTERINGS}
 """What a single image is written with unless others are named."""
 
 
@@ -89,6 +97,9 @@ class RenderSettings:
         roulette_depth: number of scattering events after which Russian roulette may end a path, >= 0.
         aovs: what to write beside radiance and alpha; a set, of `Aov` or their names.
         sampler: where random numbers come from, a `Sampler` or its name.
+        transport: of all media, ``reciprocal``, ``renewal`` or ``mixed``, in place of their own; None keeps those.
+        line_variance: of all media, ``asymptotic`` or ``exact``, in place of their own; None keeps those.
+        upscale: in [1, 8]; the picture is rendered in one of so many pixels each way, and enlarged.
         device: a Warp device name, ``cpu`` or ``cuda:0``.
         threads: CPU threads of one render, >= 1; None takes every core. It never changes a pixel.
         memory: that the images which are rendered at once may take, beside the scene [GiB], in (0, 2^20]. It never
@@ -106,6 +117,9 @@ class RenderSettings:
     roulette_depth: int = 8
     aovs: frozenset[Aov] = frozenset()
     sampler: Sampler = Sampler.LATTICE
+    transport: Transport | None = None
+    line_variance: LineVariance | None = None
+    upscale: int = 1
     device: str = "cpu"
     threads: int | None = None
     memory: float = 4.0
@@ -118,6 +132,7 @@ class RenderSettings:
             ("seed", 0, SEED_MAX),
             ("max_depth", 1, 2**24),
             ("roulette_depth", 0, 2**24),
+            ("upscale", 1, UPSCALE_MAX),
         ):
             value = getattr(self, key)
             if not _is_integer(value) or not lower <= value <= upper:
@@ -131,6 +146,9 @@ class RenderSettings:
             raise ConfigError(f"device = {self.device!r}; accepted: a name, such as 'cpu'")
         if self.sampler not in set(Sampler):
             raise ConfigError(f"sampler = {self.sampler!r}; accepted: {', '.join(Sampler)}")
+        for key, names in (("transport", TRANSPORTS), ("line_variance", LINE_VARIANCES)):
+            if getattr(self, key) not in (None, *names):
+                raise ConfigError(f"{key} = {getattr(self, key)!r}; accepted: {', '.join(names)}, or None")
         if not isinstance(self.aovs, Set) or not self.aovs <= set(Aov):
             raise ConfigError(f"aovs = {self.aovs!r}; accepted: a set of {', '.join(Aov)}")
         # Of the type, and hashable, whatever was given.

@@ -29,6 +29,7 @@ AovName = Literal[
     "scatterings",
     "direct",
     "indirect",
+    "denoised",
 ]
 Share = Annotated[float, Field(ge=0, le=1)]
 EXPOSURE_MAX = 32.0

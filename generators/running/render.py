@@ -123,10 +123,12 @@ def _render_group(
     plan: Plan, group: Sequence[Sample], way: Way, share: Share
 ) -> Iterator[tuple[Sample, RenderResult | NumericalError]]:
     from fgf_warp.convergence import FIRST_SPP, converge, halved_batches  # noqa: PLC0415 - starts Warp
+    from fgf_warp.finishing import as_rendered, finish  # noqa: PLC0415
     from fgf_warp.renderer import Variant, batches  # noqa: PLC0415
 
-    settings, goal = replace(plan.settings, threads=way.threads or cores()), _goal(plan, way, group[0])
-    scene, variants = plan.scene_of(group[0]), [Variant(plan.media_of(sample), sample.seed) for sample in group]
+    asked, goal = replace(plan.settings, threads=way.threads or cores()), _goal(plan, way, group[0])
+    scene, settings = as_rendered(plan.scene_of(group[0]), asked)
+    variants = [Variant(plan.media_of(sample), sample.seed) for sample in group]
     begun = 0
     for model in batches(scene, variants, settings) if goal is None else halved_batches(scene, variants, settings):
         images = len(model.variants) if goal is None else len(model.variants) // 2
@@ -140,7 +142,7 @@ def _render_group(
         # In a function, so that the films of a batch are gone before the next are made.
         rendered = _render_batch(model, show) if goal is None else converge(model, goal, show)
         for image, result in rendered:
-            yield group[begun + image], result
+            yield group[begun + image], result if isinstance(result, NumericalError) else finish(result, asked)
         begun += images
 
 
