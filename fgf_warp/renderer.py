@@ -582,7 +582,7 @@ def _provenance(model: Model, image: int, samples: int) -> dict[str, Any]:
         "settings": {
             key: value
             for key, value in asdict(settings).items()
-            if key in ("width", "height", "max_depth", "roulette_depth", "sampler")
+            if key in ("width", "height", "max_depth", "roulette_depth", "similarity_order", "sampler")
         }
         | {"seed": variant.seed, "spp": samples, "device": settings.device.split(":")[0]},
         "versions": {"fgf-warp": __version__, "warp-lang": wp.config.version, "python": platform.python_version()},

@@ -95,6 +95,8 @@ class RenderSettings:
         max_depth: bound on the number of scattering events of a path, >= 1. Paths that reach it are cut,
             counted and reported.
         roulette_depth: number of scattering events after which Russian roulette may end a path, >= 0.
+        similarity_order: number of scattering events, >= 1, after which a path's medium is replaced by the one that
+            scatters evenly, with (1 - g) times the scattering (`theory.similarity`); None is never.
         aovs: what to write beside radiance and alpha; a set, of `Aov` or their names.
         sampler: where random numbers come from, a `Sampler` or its name.
         transport: of all media, ``reciprocal``, ``renewal`` or ``mixed``, in place of their own; None keeps those.
@@ -115,6 +117,7 @@ class RenderSettings:
     seed: int = 0
     max_depth: int = 1024
     roulette_depth: int = 8
+    similarity_order: int | None = None
     aovs: frozenset[Aov] = frozenset()
     sampler: Sampler = Sampler.LATTICE
     transport: Transport | None = None
@@ -137,6 +140,9 @@ class RenderSettings:
             value = getattr(self, key)
             if not _is_integer(value) or not lower <= value <= upper:
                 raise ConfigError(f"{key} = {value!r}; accepted: an integer in [{lower}, {upper}]")
+        order = self.similarity_order
+        if order is not None and (not _is_integer(order) or not 1 <= order <= 2**24):
+            raise ConfigError(f"similarity_order = {order!r}; accepted: an integer in [1, {2**24}], or None")
         if self.threads is not None and (not _is_integer(self.threads) or self.threads < 1):
             raise ConfigError(f"threads = {self.threads!r}; accepted: an integer >= 1, or None")
         is_number = isinstance(self.memory, int | float) and not isinstance(self.memory, bool)

@@ -17,7 +17,7 @@ ALLOWED = {
     "fgf_warp.scene": ("fgf_warp.errors", "fgf_warp.theory"),
     "fgf_warp.settings": ("fgf_warp.errors", "fgf_warp.theory"),
     "fgf_warp.result": ("fgf_warp.settings",),
-    "fgf_warp.features": ("fgf_warp.scene", "fgf_warp.settings"),
+    "fgf_warp.features": ("fgf_warp.errors", "fgf_warp.scene", "fgf_warp.settings"),
     "fgf_warp.device": (),
     "fgf_warp.integrator": ("fgf_warp.device", "fgf_warp.features", "fgf_warp.settings"),
     "fgf_warp.bvh_kernel": (),

@@ -3,9 +3,12 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import fgf_warp.finishing
+import fgf_warp.output.denoise
 import fgf_warp.renderer
 import usd_scenes.reader
 from fgf_warp.errors import NumericalError, OutputError
@@ -433,6 +436,27 @@ def test_generate_makes_a_dataset(tmp_path, config_path, fake_renderer):
     assert "3 of 3 samples rendered" in outcome.stdout
     assert str(tmp_path / "data" / "contact_sheet.png") in outcome.stdout
     assert len(fake_renderer) == 3
+
+
+def test_generate_makes_denoised_planes(tmp_path, config_path, fake_renderer, monkeypatch):
+    for module in (fgf_warp.finishing, fgf_warp.output.denoise):
+        monkeypatch.setattr(module, "check_denoiser", lambda: None)
+    monkeypatch.setattr(fgf_warp.finishing, "denoiser_version", lambda: "0")
+    monkeypatch.setattr(fgf_warp.finishing, "denoise", lambda radiance, albedo, normal: radiance / 2)
+    asked = ("--set", "axes.H=[-0.3]", "--set", "aovs=[denoised]")
+    outcome = fgf("generate", config_path, "--out", tmp_path / "data", *asked)
+    assert outcome.exit_code == 0, outcome.output
+    channels, _ = read_exr(tmp_path / "data" / "data" / "train" / "000000" / "radiance.exr")
+    assert set(channels) == {"R", "G", "B", "A", "denoised.R", "denoised.G", "denoised.B"}
+    assert np.array_equal(channels["denoised.G"], channels["G"] / 2)
+    assert fgf("verify", tmp_path / "data", "--deep").exit_code == 0
+
+
+def test_generate_refuses_planes_of_a_denoiser_that_is_not_there(tmp_path, config_path, fake_renderer, monkeypatch):
+    monkeypatch.setattr(fgf_warp.output.denoise, "find_spec", lambda name: None)
+    outcome = fgf("generate", config_path, "--out", tmp_path / "data", "--set", "aovs=[denoised]")
+    assert_refused(outcome, "accepted: pip install 'fgf-warp[denoise]'")
+    assert fake_renderer == []
 
 
 def test_generate_goes_on_with_another_memory(tmp_path, config_path, fake_renderer, monkeypatch):
