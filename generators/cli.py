@@ -34,6 +34,7 @@ from generators.commands.common import (
 from generators.commands.export import export
 from generators.commands.generate import generate
 from generators.commands.render import render
+from generators.commands.tradeoff import tradeoff
 
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option; it has no public name."""
@@ -231,6 +232,7 @@ app.command()(planning.plan)
 app.command()(planning.init)
 app.command()(planning.schema)
 app.command()(validate.validate)
+app.command()(tradeoff)
 
 
 def main() -> None:

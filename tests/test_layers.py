@@ -87,6 +87,7 @@ ONLY_IN = {
     "OpenImageIO": ("fgf_warp.output", "usd_scenes.reader.images"),
     "colour": ("fgf_warp.output",),
     "pyoidn": ("fgf_warp.output",),
+    "flip_evaluator": ("fgf_warp.output",),
     "warp": (
         "fgf_warp.device",
         "fgf_warp.bvh",

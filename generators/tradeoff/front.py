@@ -27,7 +27,8 @@ class Rung:
         settings: what differs from `BASE`, by the names of `RenderSettings`; and ``denoise``, true where the layer
             that the denoiser makes was measured in the place of the radiance.
         spp: samples per pixel.
-        seconds: CPU time of one image, of all threads together [s].
+        seconds: CPU time of one image, of all threads together and beyond `Pair.start_seconds` [s]; on a device other
+            than the CPU, wall time.
         rmse: root of the mean squared error, in units of radiance.
         relative_mse: mean over blocks of the squared error over the squared mean of the block.
         relative_rmse: its root; ``relative_rmse^2 = noise^2 + bias_rms^2``.
@@ -39,7 +40,7 @@ class Rung:
         noise: root of the mean squared relative standard error.
         flip: mean FLIP of the displayed pictures, in [0, 1].
         delta_e: mean CIE 2000 colour difference of the displayed pictures.
-        efficiency: 1 / (relative_mse x seconds), over that of `BASE`.
+        efficiency: 1 / (relative_mse x seconds), over that of `BASE`; None where there is no error at all.
         pareto: whether no other rung of the pair has both less error and less time.
     """
 
@@ -58,7 +59,7 @@ class Rung:
     noise: float
     flip: float
     delta_e: float
-    efficiency: float
+    efficiency: float | None
     pareto: bool
 
     @property
@@ -105,6 +106,7 @@ class Pair:
         stage: file or name of the stage.
         medium: parameters of its medium by their short names; empty where the stage has none.
         features: what tells which pair is like another: ``optical_depth``, ``scatterings``, ``regime``, ``H``, ...
+        start_seconds: time that any render of the scene takes before its first sample, whatever its settings [s].
         reference: what the rungs were compared with.
         rungs: in the ladder's order; one of them is `BASE`.
     """
@@ -113,6 +115,7 @@ class Pair:
     stage: str
     medium: Mapping[str, Any]
     features: Mapping[str, Any]
+    start_seconds: float
     reference: Reference
     rungs: tuple[Rung, ...]
 
