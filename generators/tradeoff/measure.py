@@ -18,9 +18,10 @@ from fgf_warp.errors import ConfigError, SceneError
 from fgf_warp.output.color import mean_delta_e, to_display
 from fgf_warp.output.flip import mean_flip
 from fgf_warp.scene import Medium, Scene
-from fgf_warp.settings import PRESETS, Aov, RenderSettings
+from fgf_warp.settings import PRESETS, RenderSettings
 from generators.stage import load_scene
 from generators.tradeoff.config import LoadedTradeoff, MediumConfig, RungConfig, variations
+from generators.tradeoff.features import FEATURE_AOVS, read_features
 from generators.tradeoff.front import BASE, Front, Pair, Reference, Rung
 from generators.tradeoff.metrics import compare, relative_standard_error
 from generators.tradeoff.reference import LongRender, clock, reference_settings, render_reference
@@ -198,47 +199,12 @@ def measure_pair(
         name=subject.name,
         stage=subject.stage,
         medium=describe_medium(subject.scene.media[0]) if subject.scene.media else {},
-        features=measure_features(subject.scene, settings),
+        features=_measure_features(subject.scene, settings),
         start_seconds=start,
         reference=Reference(reference.spp, relative_standard_error(reference.parts), reference.seconds),
         rungs=tuple(_judge(found)),
     )
     return Measured(pair, reference, pictures)
-
-
-def measure_features(scene: Scene, settings: RenderSettings) -> dict[str, Any]:
-    """What tells which measured pair a scene is like, from a short render.
-
-    Args:
-        scene: any.
-        settings: how; of their planes and samples per pixel nothing is taken.
-
-    Returns:
-        ``optical_depth``, mean of sigma_m times the length of the camera ray's first medium segment, over the pixels
-        that have one; ``scatterings``, mean number of events of the paths that have any; and of the first medium
-        ``regime``, ``H``, ``g``, ``albedo`` (mean of the channels), ``kappa`` and ``transport``, where there is one.
-    """
-    from fgf_warp.renderer import render  # noqa: PLC0415 - starts Warp
-
-    planes = frozenset({Aov.OPTICAL_DEPTH, Aov.SCATTERINGS})
-    result = render(scene, replace(settings, spp=FEATURE_SPP, aovs=planes))
-    depth = result.aovs[Aov.OPTICAL_DEPTH].mean(axis=2)
-    scattering = float(result.alpha.sum())
-    features: dict[str, Any] = {
-        "optical_depth": float(depth[depth > 0].mean()) if (depth > 0).any() else 0.0,
-        "scatterings": float(result.aovs[Aov.SCATTERINGS].sum()) / scattering if scattering else 0.0,
-    }
-    if scene.media:
-        medium = scene.media[0]
-        features |= {
-            "regime": medium.line_law.regime,
-            "H": medium.hurst,
-            "g": medium.asymmetry,
-            "albedo": sum(medium.albedo) / 3,
-            "kappa": medium.line_law.kappa,
-            "transport": medium.resolved_transport,
-        }
-    return features
 
 
 def describe_medium(medium: Medium) -> dict[str, Any]:
@@ -255,6 +221,12 @@ def describe_medium(medium: Medium) -> dict[str, Any]:
         "transport": medium.resolved_transport,
         "line_variance": medium.line_variance,
     }
+
+
+def _measure_features(scene: Scene, settings: RenderSettings) -> dict[str, Any]:
+    from fgf_warp.renderer import render  # noqa: PLC0415 - starts Warp
+
+    return read_features(scene, render(scene, replace(settings, spp=FEATURE_SPP, aovs=FEATURE_AOVS)))
 
 
 def _start_seconds(scene: Scene, settings: RenderSettings) -> float:
