@@ -80,7 +80,8 @@ def render(
         ),
     ] = None,
     time: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help="Render so long at most, without building the kernel.")
+        float | None,
+        typer.Option(metavar="SECONDS", help="Render so long at most, beside building the kernel and denoising."),
     ] = None,
     preset: Annotated[str, typer.Option(help=f"{', '.join(PRESETS)}.")] = "balanced",
     seed: Annotated[int, typer.Option(metavar="N", help="Equal seeds give equal pixels.")] = 0,
