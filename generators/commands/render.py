@@ -21,6 +21,7 @@ from generators.commands.common import (
     start_warp,
     warn,
 )
+from generators.wish import AUTO, FORMS, Wish
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -83,7 +84,10 @@ def render(
         float | None,
         typer.Option(metavar="SECONDS", help="Render so long at most, beside building the kernel and denoising."),
     ] = None,
-    preset: Annotated[str, typer.Option(help=f"{', '.join(PRESETS)}.")] = "balanced",
+    preset: Annotated[
+        str,
+        typer.Option(help=f"{', '.join(PRESETS)}; or the cheapest settings for an error or a time: auto:1%, auto:5s."),
+    ] = "balanced",
     seed: Annotated[int, typer.Option(metavar="N", help="Equal seeds give equal pixels.")] = 0,
     max_depth: Annotated[
         int | None,
@@ -183,7 +187,9 @@ def render(
     from usd_scenes.reader import COMPLEXITIES, OpenStages  # noqa: PLC0415
 
     aovs = _choose_aovs(aov)
-    check_choice("--preset", preset, PRESETS)
+    given = {"--spp": spp, "--targetError": target_error, "--errorOver": error_over, "--time": time}
+    wish = _choose_wish(preset, {**given, "--maxDepth": max_depth, "--upscale": None if upscale == 1 else upscale})
+    depths = PRESETS["balanced" if wish else preset]
     check_choice("--sampler", sampler, Sampler)
     if transport is not None:
         check_choice("--transport", transport, TRANSPORTS)
@@ -211,10 +217,10 @@ def render(
         settings = RenderSettings(
             width=base.width,
             height=base.height,
-            spp=PRESETS[preset].spp if spp is None else spp,
+            spp=depths.spp if spp is None else spp,
             seed=seed,
-            max_depth=PRESETS[preset].max_depth if max_depth is None else max_depth,
-            roulette_depth=PRESETS[preset].roulette_depth,
+            max_depth=depths.max_depth if max_depth is None else max_depth,
+            roulette_depth=depths.roulette_depth,
             similarity_order=similarity_order,
             aovs=planes | {Aov.DENOISED} if denoise else planes,
             sampler=Sampler(sampler),
@@ -245,7 +251,7 @@ def render(
         start_warp(device)
         for done, picture in enumerate(pictures):
             try:
-                _render_picture(picture, *load(picture.frame, picture.product), goal)
+                _render_picture(picture, *load(picture.frame, picture.product), goal, wish)
             except KeyboardInterrupt:
                 fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
 
@@ -261,7 +267,34 @@ def _choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | 
     return parse_frames(spec)
 
 
-def _render_picture(picture: Picture, scene: Scene, settings: RenderSettings, goal: Goal | None) -> None:
+def _choose_wish(preset: str, others: dict[str, object]) -> Wish | None:
+    """None for settings that have a name; options that say the same as a wish, or take a choice away, are refused."""
+    if not preset.startswith(AUTO):
+        check_choice("--preset", preset, [*PRESETS, FORMS])
+        return None
+    wish = Wish.parse(preset)
+    for option, value in others.items():
+        if value is not None:
+            raise ConfigError(f"{option}: is chosen by --preset {preset}; accepted: one of them")
+    return wish
+
+
+def _choose_settings(scene: Scene, settings: RenderSettings, wish: Wish) -> tuple[RenderSettings, Goal]:
+    """Says what it chose and why."""
+    from generators.auto import choose  # noqa: PLC0415 - starts Warp
+    from generators.tradeoff.front import read_front  # noqa: PLC0415
+
+    with progress_bar(counted=False) as progress:
+        progress.add_task("choosing the settings", total=None)
+        choice = choose(scene, settings, wish, read_front())
+    for line in choice.lines:
+        typer.echo(line)
+    return choice.settings, choice.goal
+
+
+def _render_picture(
+    picture: Picture, scene: Scene, settings: RenderSettings, goal: Goal | None, wish: Wish | None
+) -> None:
     """Renders one image and writes its files, each whole or not at all."""
     from fgf_warp.convergence import FIRST_SPP  # noqa: PLC0415 - starts Warp
     from fgf_warp.finishing import as_rendered, render_image  # noqa: PLC0415
@@ -270,6 +303,8 @@ def _render_picture(picture: Picture, scene: Scene, settings: RenderSettings, go
     from fgf_warp.renderer import check_memory, prepare  # noqa: PLC0415
 
     check_memory(settings)
+    if wish is not None:
+        settings, goal = _choose_settings(scene, settings, wish)
     with progress_bar(counted=False) as progress:
         task = progress.add_task("building the kernel", total=None)
         plain, asked = as_rendered(scene, settings)
@@ -285,7 +320,7 @@ def _render_picture(picture: Picture, scene: Scene, settings: RenderSettings, go
     write_exr(picture.exr, result)
     if picture.png:
         write_png(picture.png, result.aovs.get(Aov.DENOISED, result.radiance))
-    _print_render(result, goal, picture.files)
+    _print_render(result, goal, picture.files, is_chosen=wish is not None)
 
 
 def _choose_goal(target_error: str | None, error_over: str | None, time: float | None, spp: int | None) -> Goal | None:
@@ -314,13 +349,13 @@ def _choose_aovs(names: list[str] | None) -> frozenset[Aov] | None:
     return frozenset(Aov(name) for name in names)
 
 
-def _print_render(result: RenderResult, goal: Goal | None, files: Sequence[Path]) -> None:
+def _print_render(result: RenderResult, goal: Goal | None, files: Sequence[Path], *, is_chosen: bool) -> None:
     over = "mean" if goal is None else goal.over
     typer.echo(
         f"{result.seconds:.2f} s, {result.samples_per_second:.4g} samples/s, {result.samples} samples per pixel, "
         f"{over} relative standard error {result.relative_error(over):.2%}"
     )
-    if goal is not None:
+    if goal is not None and not is_chosen:
         typer.echo(f"ended by {_ended_by(result, goal)}")
     if result.truncated_count:
         share = result.truncated_count / result.path_count

@@ -17,6 +17,7 @@ from fgf_warp import __version__
 from fgf_warp.errors import ConfigError, FgfError, OutputError
 from fgf_warp.settings import Aov
 from generators.dataset import layout
+from generators.dataset.plan_table import is_open
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Failure, encode
 from generators.dataset.store import Store
@@ -152,7 +153,7 @@ def generate(
     from fgf_warp.output.denoise import check_denoiser  # noqa: PLC0415
     from fgf_warp.renderer import check_memory  # noqa: PLC0415 - starts Warp
 
-    check_memory(plan.settings)
+    check_memory(plan.settings, images=2 if is_open(plan.meta.quality) else 1)
     if Aov.DENOISED in plan.settings.aovs:
         check_denoiser()
     started = time.perf_counter()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -16,9 +18,10 @@ from fgf_warp.errors import ConfigError, SceneError
 from fgf_warp.output.color import mean_delta_e, to_display
 from fgf_warp.output.flip import mean_flip
 from fgf_warp.scene import Medium, Scene
-from fgf_warp.settings import PRESETS, Aov, RenderSettings
+from fgf_warp.settings import PRESETS, RenderSettings
 from generators.stage import load_scene
 from generators.tradeoff.config import LoadedTradeoff, MediumConfig, RungConfig, variations
+from generators.tradeoff.features import FEATURE_AOVS, read_features
 from generators.tradeoff.front import BASE, Front, Pair, Reference, Rung
 from generators.tradeoff.metrics import compare, relative_standard_error
 from generators.tradeoff.reference import LongRender, clock, reference_settings, render_reference
@@ -102,6 +105,21 @@ def list_subjects(loaded: LoadedTradeoff) -> tuple[list[Subject], list[str]]:
     return subjects, warnings
 
 
+def applicable_rungs(scene: Scene, rungs: Mapping[str, RungConfig]) -> dict[str, RungConfig]:
+    """The rungs that change anything in a scene and that its media can have."""
+    return {name: rung for name, rung in rungs.items() if rung.matters(scene.media) and _accepts(scene, rung)}
+
+
+def _accepts(scene: Scene, rung: RungConfig) -> bool:
+    asked = {"transport": rung.transport, "line_variance": rung.line_variance}
+    changes: dict[str, Any] = {name: value for name, value in asked.items() if value is not None}
+    try:
+        scene.with_media(tuple(replace(medium, **changes) for medium in scene.media))
+    except SceneError:
+        return False
+    return True
+
+
 def measure(
     loaded: LoadedTradeoff, subjects: list[Subject], cache: Path, device: str, progress: Progress | None = None
 ) -> Outcome:
@@ -119,7 +137,8 @@ def measure(
         OutputError: where a reference cannot be put into the cache.
     """
     config = loaded.config
-    total = len(subjects) * config.replicates * (1 + len(config.rungs))
+    ladders = [applicable_rungs(subject.scene, config.rungs) for subject in subjects]
+    total = config.replicates * sum(1 + len(ladder) for ladder in ladders)
     done = 0
 
     def advance(name: str) -> Callable[[], None]:
@@ -141,8 +160,8 @@ def measure(
         device=device,
     )
     measured = [
-        measure_pair(subject, settings, config.rungs, config.replicates, cache, advance(subject.name))
-        for subject in subjects
+        measure_pair(subject, settings, ladder, config.replicates, cache, advance(subject.name))
+        for subject, ladder in zip(subjects, ladders, strict=True)
     ]
     front = Front(_versions(), _machine(device), config.size, config.replicates, tuple(one.pair for one in measured))
     return Outcome(front, tuple(measured))
@@ -180,47 +199,12 @@ def measure_pair(
         name=subject.name,
         stage=subject.stage,
         medium=describe_medium(subject.scene.media[0]) if subject.scene.media else {},
-        features=measure_features(subject.scene, settings),
+        features=_measure_features(subject.scene, settings),
         start_seconds=start,
         reference=Reference(reference.spp, relative_standard_error(reference.parts), reference.seconds),
         rungs=tuple(_judge(found)),
     )
     return Measured(pair, reference, pictures)
-
-
-def measure_features(scene: Scene, settings: RenderSettings) -> dict[str, Any]:
-    """What tells which measured pair a scene is like, from a short render.
-
-    Args:
-        scene: any.
-        settings: how; of their planes and samples per pixel nothing is taken.
-
-    Returns:
-        ``optical_depth``, mean of sigma_m times the length of the camera ray's first medium segment, over the pixels
-        that have one; ``scatterings``, mean number of events of the paths that have any; and of the first medium
-        ``regime``, ``H``, ``g``, ``albedo`` (mean of the channels), ``kappa`` and ``transport``, where there is one.
-    """
-    from fgf_warp.renderer import render  # noqa: PLC0415 - starts Warp
-
-    planes = frozenset({Aov.OPTICAL_DEPTH, Aov.SCATTERINGS})
-    result = render(scene, replace(settings, spp=FEATURE_SPP, aovs=planes))
-    depth = result.aovs[Aov.OPTICAL_DEPTH].mean(axis=2)
-    scattering = float(result.alpha.sum())
-    features: dict[str, Any] = {
-        "optical_depth": float(depth[depth > 0].mean()) if (depth > 0).any() else 0.0,
-        "scatterings": float(result.aovs[Aov.SCATTERINGS].sum()) / scattering if scattering else 0.0,
-    }
-    if scene.media:
-        medium = scene.media[0]
-        features |= {
-            "regime": medium.line_law.regime,
-            "H": medium.hurst,
-            "g": medium.asymmetry,
-            "albedo": sum(medium.albedo) / 3,
-            "kappa": medium.line_law.kappa,
-            "transport": medium.resolved_transport,
-        }
-    return features
 
 
 def describe_medium(medium: Medium) -> dict[str, Any]:
@@ -239,6 +223,12 @@ def describe_medium(medium: Medium) -> dict[str, Any]:
     }
 
 
+def _measure_features(scene: Scene, settings: RenderSettings) -> dict[str, Any]:
+    from fgf_warp.renderer import render  # noqa: PLC0415 - starts Warp
+
+    return read_features(scene, render(scene, replace(settings, spp=FEATURE_SPP, aovs=FEATURE_AOVS)))
+
+
 def _start_seconds(scene: Scene, settings: RenderSettings) -> float:
     """The least time of a few renders that end with their first sample."""
     from fgf_warp.renderer import render  # noqa: PLC0415
@@ -255,15 +245,15 @@ def _render_replicates(
     scene: Scene, settings: RenderSettings, replicates: int, first_seed: int, progress: Callable[[], None]
 ) -> tuple[np.ndarray, float]:
     """Independent images and the median of the times that they took, once the kernel is there and warm."""
-    from fgf_warp.renderer import render  # noqa: PLC0415
+    from fgf_warp.finishing import render_image  # noqa: PLC0415 - starts Warp
 
-    render(scene, replace(settings, spp=1))
+    render_image(scene, replace(settings, spp=1))
     images, seconds = [], []
     for replicate in range(replicates):
         began = clock(settings)
-        result = render(scene, replace(settings, seed=first_seed + replicate))
+        result = render_image(scene, replace(settings, seed=first_seed + replicate))
         seconds.append(clock(settings) - began)
-        images.append(result.radiance)
+        images.append(result.aovs.get(Aov.DENOISED, result.radiance))
         progress()
     return np.stack(images), median(seconds)
 
@@ -321,12 +311,8 @@ def _judge(rungs: list[Rung]) -> list[Rung]:
 
 
 def _versions() -> dict[str, str]:
-    import warp as wp  # noqa: PLC0415
-
-    return {"fgf-warp": __version__, "warp-lang": wp.config.version, "python": platform.python_version()}
+    return {"fgf-warp": __version__, "warp-lang": version("warp-lang"), "python": platform.python_version()}
 
 
 def _machine(device: str) -> str:
-    import warp as wp  # noqa: PLC0415
-
-    return f"{platform.machine()}, {wp.get_device(device).name}"
+    return f"{platform.machine()}, {os.cpu_count()} cores, on {device}"
