@@ -18,7 +18,7 @@ from fgf_warp.errors import ConfigError, SceneError
 from fgf_warp.output.color import mean_delta_e, to_display
 from fgf_warp.output.flip import mean_flip
 from fgf_warp.scene import Medium, Scene
-from fgf_warp.settings import PRESETS, RenderSettings
+from fgf_warp.settings import PRESETS, Aov, RenderSettings
 from generators.stage import load_scene
 from generators.tradeoff.config import LoadedTradeoff, MediumConfig, RungConfig, variations
 from generators.tradeoff.features import FEATURE_AOVS, read_features
