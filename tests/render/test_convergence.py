@@ -43,7 +43,9 @@ def samples_per_pixel(image):
 # ---- the told error
 
 
-@pytest.mark.parametrize(("sampler", "highest"), [("independent", 1.03), ("lattice", 1.08)])
+@pytest.mark.parametrize(
+    ("sampler", "highest"), [pytest.param("independent", 1.03, marks=pytest.mark.slow), ("lattice", 1.08)]
+)
 def test_the_told_error_is_the_true_one(sampler, highest):
     """Over 32 renders, whose spread is the truth to 0.7 %; the lattice's gain is believed only in part in so small an
     image, so there it may be told too large by some more."""
