@@ -81,7 +81,8 @@ def render(
         ),
     ] = None,
     time: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help="Render so long at most, without building the kernel.")
+        float | None,
+        typer.Option(metavar="SECONDS", help="Render so long at most, beside building the kernel and denoising."),
     ] = None,
     preset: Annotated[
         str,
