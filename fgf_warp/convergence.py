@@ -12,8 +12,9 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -37,6 +38,8 @@ LEAST_GROWTH = 1.05
 """Of a further round, so that none is spent on next to nothing."""
 UNUSED_TIME = 0.02
 """Share of a time that is not worth a further round."""
+ID_AOVS = frozenset({Aov.PRIM_ID, Aov.INSTANCE_ID})
+"""Planes of numbers that no mean can be taken of."""
 SECOND_HALF = 0x9E3779B97F4A7C15
 """The bits of the seed that tell the second half from the first."""
 
@@ -61,11 +64,11 @@ class Goal:
     max_spp: int = MAX_SPP
 
     def __post_init__(self) -> None:
-        if self.error is not None and not 0 < self.error < 1:
+        if self.error is not None and not (_is_number(self.error) and 0 < self.error < 1):
             raise ConfigError(f"error = {self.error!r}; accepted: a relative error in (0, 1), such as 0.01")
-        if self.time is not None and not 0 < self.time < math.inf:
+        if self.time is not None and not (_is_number(self.time) and 0 < self.time < math.inf):
             raise ConfigError(f"time = {self.time!r}; accepted: seconds > 0")
-        if not re.fullmatch(OVER, self.over):
+        if not re.fullmatch(OVER, str(self.over)):
             raise ConfigError(f"over = {self.over!r}; accepted: mean, rms, or a percentile from p1 to p99")
         if not isinstance(self.max_spp, int) or not FIRST_SPP <= self.max_spp < 2**31:
             raise ConfigError(f"max_spp = {self.max_spp!r}; accepted: an integer in [{FIRST_SPP}, 2^31)")
@@ -73,6 +76,10 @@ class Goal:
     def is_met_by(self, result: RenderResult) -> bool:
         """Whether an image has the error that is asked for."""
         return self.error is not None and result.relative_error(self.over) <= self.error
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def render_until(scene: Scene, settings: RenderSettings, goal: Goal, progress: Progress | None = None) -> RenderResult:
@@ -147,20 +154,25 @@ def merge_halves(first: RenderResult, second: RenderResult, spp: int) -> RenderR
         spp: samples per pixel of both, on average.
 
     Returns:
-        Their mean; its variance is that of the samples, scaled so that the mean relative error is that which half the
-        difference of the halves has.
+        Their mean; its variance is that of the samples, scaled so that the mean square of the relative error is that
+        of half the difference of the halves.
     """
     radiance = (first.radiance + second.radiance) / 2
     variance = (first.variance + second.variance) / 4
-    found = error_over("mean", *block_errors(radiance, ((first.radiance - second.radiance) / 2) ** 2))
-    told = error_over("mean", *block_errors(radiance, variance))
+    # A difference is a single draw of the error, so of squares, whose mean is that of the variance however few there
+    # are, and with as much trust in the samples as one block of differences deserves: an image may have one pixel.
+    found, pixels = block_errors(radiance, ((first.radiance - second.radiance) / 2) ** 2)
+    told, _ = block_errors(radiance, variance)
+    found_square, told_square = np.sum(pixels * found**2), np.sum(pixels * told**2)
+    trust = pixels.sum() / (pixels.sum() + BLOCK**2)
+    scale = 1.0 + trust * (found_square / told_square - 1.0) if told_square > 0 else 1.0
     parameters = first.provenance["settings"] | {"spp": spp, "adaptive": True}
     return replace(
         first,
         radiance=radiance,
         alpha=(first.alpha + second.alpha) / 2,
-        variance=variance * np.float32((found / told) ** 2 if told > 0 else 1.0),
-        aovs={aov: _merge_planes(aov, plane, second.aovs[aov]) for aov, plane in first.aovs.items()},
+        variance=variance * np.float32(scale),
+        aovs={aov: _merge_planes(aov, first.aovs, second.aovs) for aov in first.aovs},
         samples=spp,
         path_count=first.path_count + second.path_count,
         truncated_count=first.truncated_count + second.truncated_count,
@@ -169,15 +181,16 @@ def merge_halves(first: RenderResult, second: RenderResult, spp: int) -> RenderR
     )
 
 
-def _merge_planes(aov: Aov, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def _merge_planes(aov: Aov, ours: dict[Aov, np.ndarray], theirs: dict[Aov, np.ndarray]) -> np.ndarray:
+    first, second = ours[aov], theirs[aov]
     if aov is Aov.DEPTH:
         return np.minimum(first, second)
     if aov is Aov.SAMPLES:
         return first + second
-    if aov is Aov.PRIM_ID:
-        return np.where(first == 0, second, first)
-    if aov is Aov.INSTANCE_ID:
-        return np.where(first < 0, second, first)
+    if aov in ID_AOVS:
+        # Both of one prim: an instance's number is nothing without its prim's.
+        met_nothing = ours[Aov.PRIM_ID] == 0 if Aov.PRIM_ID in ours else first < 0
+        return np.where(met_nothing, second, first)
     return (first + second) / 2
 
 
@@ -198,24 +211,25 @@ def converge(
     images = [_Image(model, number, goal) for number in range(len(model.variants) // 2)]
     pixels = model.settings.width * model.settings.height
 
-    def show(done: int, _: int) -> None:
+    def show(before: int, done: int, _: int) -> None:
         if progress:
             expected = pixels * sum(image.expected_spp for image in images)
-            progress(min(int(state.samples.sum(dtype=np.int64)) + done, expected), expected)
+            progress(min(before + done, expected), expected)
 
     for group in [[image] for image in images] if goal.time is not None else [images]:
         yield from _converge(model, state, group, show)
 
 
 def _converge(
-    model: Model, state: State, images: list[_Image], progress: Progress
+    model: Model, state: State, images: list[_Image], show: Callable[[int, int, int], None]
 ) -> Iterator[tuple[int, RenderResult | NumericalError]]:
     """Renders in rounds; an image that is good enough takes no part in the next one."""
     began = time.perf_counter()
     while images:
         halves = [half for image in images for half in image.halves]
         added = np.concatenate([image.counts() for image in images]) - state.samples[halves]
-        for _ in advance(model, state, added, progress, halves):
+        before = int(state.samples.sum(dtype=np.int64))
+        for _ in advance(model, state, added, partial(show, before), halves):
             pass
         unfinished = []
         for image in images:
@@ -247,13 +261,14 @@ class _Image:
         self._densities = np.ones((2, *(-(-size // BLOCK) for size in self._shape)))
 
     def counts(self) -> np.ndarray:
-        """(2, height, width) samples of both halves that `spp` are in all."""
+        """(2, height, width) samples of the halves, together `spp` on average."""
         per_pixel = self._block_counts(self.spp).repeat(BLOCK, axis=1).repeat(BLOCK, axis=2)
         return per_pixel[:, : self._shape[0], : self._shape[1]].astype(np.int32)
 
     def _block_counts(self, spp: int) -> np.ndarray:
         """(2, rows, columns) samples per pixel, which never fall where `spp` grows."""
-        return np.maximum(np.rint(spp / 2 * self._densities), min(spp, PILOT_SPP) // 2)
+        sizes = block_sizes(self._shape)
+        return np.rint([_fill(densities, sizes, spp / 2, min(spp, PILOT_SPP) / 2) for densities in self._densities])
 
     def develop(self, model: Model, state: State) -> RenderResult:
         """What is there so far.
@@ -280,26 +295,38 @@ class _Image:
             limit = min(limit, int(self.spp * self._goal.time / seconds))
             if limit < (1 + UNUSED_TIME) * self.spp:
                 limit = self.spp
-        self.expected_spp = min(limit, self._needed_spp())
-        if self._goal.is_met_by(result) or limit == self.spp:
+        limit -= limit % 2  # As many for one half as for the other.
+        self.expected_spp = min(limit, max(self._needed_spp(), PILOT_SPP))
+        # So few samples as before the pilot's end may all have missed what is rare, and agree.
+        if limit == self.spp or (self.spp >= PILOT_SPP and self._goal.is_met_by(result)):
             self.expected_spp = self.spp
             return False
         self.spp = min(self.expected_spp, PILOT_SPP if self.spp < PILOT_SPP else GROWTH * self.spp)
         return True
 
     def _needed_spp(self) -> int:
-        """The least that the error is expected to need."""
+        """The least, an even number, that the error is expected to need."""
         if self._goal.error is None:
             return self._goal.max_spp
         tried = LEAST_GROWTH * self.spp
         while tried < self._goal.max_spp and (found := self._expected_error(tried)) > self._goal.error:
             # The error falls as the root of the number, or faster where all are put where they help.
             tried *= max(found / self._goal.error, LEAST_GROWTH)
-        return math.ceil(min(tried, self._goal.max_spp))
+        return 2 * math.ceil(min(tried, self._goal.max_spp) / 2)
 
     def _expected_error(self, spp: float) -> float:
         falls = np.sqrt((self._spreads / self._block_counts(round(spp))).sum(axis=0))
         return error_over(self._goal.over, self._errors * falls, self._pixels)
+
+
+def _fill(densities: np.ndarray, sizes: np.ndarray, mean: float, least: float) -> np.ndarray:
+    """Values in proportion to densities, but where that would be less than `least`, with a given mean over pixels."""
+    short, level = np.zeros_like(densities, dtype=bool), mean
+    # What some blocks get beyond their share the others lack, so that more of them may fall short.
+    while mean > least and (found := level * densities < least).sum() > short.sum():
+        short = found
+        level = (mean * sizes.sum() - least * sizes[short].sum()) / (densities * sizes)[~short].sum()
+    return np.maximum(level * densities, least)
 
 
 def _density(half: RenderResult) -> np.ndarray:

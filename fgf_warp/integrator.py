@@ -1296,7 +1296,7 @@ def build_program(features: RenderFeatures) -> Program:
         path.sample = before.sample
         path.end_sample = before.end_sample
         path.alive = 1
-        path.turn = wp.int32(reverse_bits(wp.uint32(path.sample)))
+        path.turn = wp.int32(reverse_bits(wp.uint32(path.end_sample + path.sample)))
         path.shift_x = before.shift_x
         path.shift_y = before.shift_y
         in_pixel = wp.vec2(0.0, 0.0)
@@ -1596,7 +1596,7 @@ def build_program(features: RenderFeatures) -> Program:
         lanes = lanes_of(pool)
         for i in range(LANES):
             path = load(lanes, i)
-            if path.alive == 0 and path.sample < path.end_sample:
+            if path.alive == 0 and path.sample < 0:
                 store(lanes, i, track(scene, path))
 
     @wp.func
@@ -1607,13 +1607,13 @@ def build_program(features: RenderFeatures) -> Program:
         waiting = int(0)
         for i in range(LANES):
             path = load(lanes, i)
-            is_complete = path.alive == 0 and path.sample < path.end_sample
+            is_complete = path.alive == 0 and path.sample < 0
             store_tally(sums, i, finish(load_tally(sums, i), path, is_complete))
         for i in range(LANES):
             path = load(lanes, i)
-            is_complete = path.alive == 0 and path.sample < path.end_sample
+            is_complete = path.alive == 0 and path.sample < 0
             path.sample = path.sample + wp.where(is_complete, 1, 0)
-            waiting += wp.where(path.sample == path.end_sample, 1, 0)
+            waiting += wp.where(path.sample == 0, 1, 0)
             store(lanes, i, path)
         return waiting
 
@@ -1636,20 +1636,20 @@ def build_program(features: RenderFeatures) -> Program:
         retired = int(0)
         for i in range(LANES):
             path = load(lanes, i)
-            if path.sample == path.end_sample:
+            if path.sample == 0:
                 if path.pixel >= 0:
                     write_film(film, first_place + path.pixel, load_tally(sums, i))
-                while path.sample == path.end_sample and handed < end_pixel:
+                while path.sample == 0 and handed < end_pixel:
                     first_sample, end_sample = samples_of_round(counts, part, first_place + handed)
                     if first_sample < end_sample:
                         path = go_to_pixel(path, width, seed, handed)
-                        path.sample = first_sample
+                        path.sample = first_sample - end_sample
                         path.end_sample = end_sample
                         store_tally(sums, i, read_film(film, first_place + handed))
                     handed += 1
-                if path.sample == path.end_sample:
+                if path.sample == 0:
                     path.pixel = -1
-                    path.sample = path.end_sample + 1
+                    path.sample = 1
                     retired += 1
                 store(lanes, i, path)
         return handed, retired
@@ -1661,7 +1661,7 @@ def build_program(features: RenderFeatures) -> Program:
         for i in range(LANES):
             path = load(lanes, i)
             fresh = emit(camera, scene.camera_inside, seed, path)
-            if path.alive == 0 and path.sample < path.end_sample:
+            if path.alive == 0 and path.sample < 0:
                 store(lanes, i, fresh)
         if wp.static(features.varied_starts):
             for i in range(LANES):

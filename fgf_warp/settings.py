@@ -68,7 +68,9 @@ class Aov(StrEnum):
     """The rest of the radiance."""
     DENOISED = "denoised"
     """The radiance without its noise, by Intel Open Image Denoise, guided by albedo and normal: to look at, and biased.
-    The radiance itself stays as it is. Made by `finishing.finish`."""
+    The radiance itself stays as it is. On cloud_block a relative RMSE of 7.9 % at 16 samples becomes 1.7 %, 2.7 % at
+    128 becomes 1.2 %, and 1.3 % at 1024 becomes 1.0 %, in 9 seconds of one core a megapixel. Made by
+    `finishing.finish`."""
 
 
 RENDERED_AOVS = frozenset(Aov) - {Aov.DENOISED}
@@ -93,15 +95,20 @@ class RenderSettings:
         spp: samples per pixel, >= 1.
         seed: in [0, 2^64); equal seeds give equal pixels on one device.
         max_depth: bound on the number of scattering events of a path, >= 1. Paths that reach it are cut,
-            counted and reported.
+            counted and reported. 1 is single scattering only: 1.8 times as fast and 14 % too dark on sphere, 1.4 times
+            and 22 % on cloud_block. 8 is no faster, and 1 to 3 % too dark.
         roulette_depth: number of scattering events after which Russian roulette may end a path, >= 0.
         similarity_order: number of scattering events, >= 1, after which a path's medium is replaced by the one that
             scatters evenly, with (1 - g) times the scattering (`theory.similarity`); None is never.
         aovs: what to write beside radiance and alpha; a set, of `Aov` or their names.
         sampler: where random numbers come from, a `Sampler` or its name.
-        transport: of all media, ``reciprocal``, ``renewal`` or ``mixed``, in place of their own; None keeps those.
-        line_variance: of all media, ``asymptotic`` or ``exact``, in place of their own; None keeps those.
-        upscale: in [1, 8]; the picture is rendered in one of so many pixels each way, and enlarged.
+        transport: of all media, ``reciprocal``, ``renewal`` or ``mixed``, in place of their own; None keeps those. On
+            sphere, renewal takes 0.9 times as long as reciprocal and is 1.4 % brighter, mixed twice as long and 0.5 %.
+        line_variance: of all media, ``asymptotic`` or ``exact``, in place of their own; None keeps those. With H from
+            0.1 to 0.5 on sphere, exact takes 1.5 to 2.5 times as long; of L = 20 its mean is less by 0.1 % at most.
+        upscale: in [1, 8]; the picture is rendered in one of so many pixels each way, and enlarged. On cloud_block,
+            128 pixels wide, 2 is 3.9 times as fast and 4 is 14 times, with a relative RMSE of 3.6 % and 6.4 % that no
+            sample removes. In the time of 16 samples without, it is 4.2 % and 6.4 % instead of 7.9 %.
         device: a Warp device name, ``cpu`` or ``cuda:0``.
         threads: CPU threads of one render, >= 1; None takes every core. It never changes a pixel.
         memory: that the images which are rendered at once may take, beside the scene [GiB], in (0, 2^20]. It never

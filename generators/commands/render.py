@@ -83,7 +83,8 @@ def render(
         ),
     ] = None,
     time: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help="Render so long at most, without building the kernel.")
+        float | None,
+        typer.Option(metavar="SECONDS", help="Render so long at most, beside building the kernel and denoising."),
     ] = None,
     preset: Annotated[
         str,
@@ -96,6 +97,14 @@ def render(
             "--maxDepth",
             metavar="N",
             help="Scattering events after which a path is cut, in place of the preset's; 1 is single scattering only.",
+        ),
+    ] = None,
+    similarity_order: Annotated[
+        int | None,
+        typer.Option(
+            "--similarityOrder",
+            metavar="N",
+            help="Scattering events after which a path sees the similar medium that scatters evenly; default: never.",
         ),
     ] = None,
     transport: Annotated[
@@ -214,6 +223,7 @@ def render(
             seed=seed,
             max_depth=depths.max_depth if max_depth is None else max_depth,
             roulette_depth=depths.roulette_depth,
+            similarity_order=similarity_order,
             aovs=planes | {Aov.DENOISED} if denoise else planes,
             sampler=Sampler(sampler),
             transport=cast("Transport | None", transport),

@@ -32,13 +32,14 @@ def tradeoff(
     Every stage with every medium is rendered with every choice of settings, as several independent images, and these
     are compared with a long render, which is kept for the next time. Of a SCENE, its own medium and a few around it are
     measured. Writes tradeoff.html to look at, tradeoff.json with all numbers and front.svg, the leading figure. Needs
-    the extra quality: pip install 'fgf-warp[quality]'.
+    the extras: pip install 'fgf-warp[quality,denoise]'.
 
     \b
     Example:
       fgf tradeoff usd_scenes/stages/studio.usda
       fgf tradeoff configs/tradeoff.yaml --set size=32
     """  # noqa: D301
+    from fgf_warp.output.denoise import check_denoiser  # noqa: PLC0415
     from fgf_warp.output.flip import check_flip  # noqa: PLC0415
     from generators.tradeoff import run  # noqa: PLC0415
     from generators.tradeoff.config import load_tradeoff  # noqa: PLC0415
@@ -47,6 +48,8 @@ def tradeoff(
 
     check_flip()
     loaded = load_tradeoff(path, overrides)
+    if any(rung.denoise for rung in loaded.config.rungs.values()):
+        check_denoiser()
     subjects, warnings = list_subjects(loaded)
     folder = out or Path(f"tradeoff-{path.stem}")
     references = cache or default_cache()
@@ -58,7 +61,8 @@ def tradeoff(
         outcome = _measure(loaded, subjects, references, device)
     except KeyboardInterrupt:
         fail(f"stopped; no report is written, and finished references are kept in {references}", EXIT_PARTIAL)
-    for file in run.write(outcome, folder):
+    command = " ".join(["fgf tradeoff", path.name, *(f"--set {override}" for override in overrides or ())])
+    for file in run.write(outcome, folder, command):
         typer.echo(f"wrote {file}")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -12,7 +12,8 @@ from ruamel.yaml.comments import CommentedMap
 
 from fgf_warp.errors import ConfigError
 from fgf_warp.scene import Medium
-from fgf_warp.settings import PRESETS, RenderSettings, Sampler
+from fgf_warp.settings import PRESETS, UPSCALE_MAX, Aov, RenderSettings
+from fgf_warp.theory.choices import LineVariance, Transport
 from generators.planning.axes import Count, Model
 from generators.planning.document import Keys, read_document, validate_document
 from generators.planning.targets import MEDIUM_FIELDS
@@ -35,6 +36,17 @@ class RungConfig(Model):
     """Bound on the number of scattering events; 1 is single scattering."""
     roulette_depth: Annotated[int, Field(ge=0)] | None = None
     """Scattering events before Russian roulette."""
+    similarity_order: Count | None = None
+    """Scattering events before a medium is replaced by the similar one that scatters evenly; left out of pairs where
+    all media scatter evenly."""
+    transport: Transport | None = None
+    """Of the media; left out of pairs where it makes no difference, or cannot be."""
+    line_variance: LineVariance | None = None
+    """Of fractional Brownian motion; left out of pairs where it makes no difference, or cannot be."""
+    upscale: Annotated[int, Field(ge=1, le=UPSCALE_MAX)] | None = None
+    """Rendered in one of so many pixels each way, and enlarged."""
+    denoise: bool | None = None
+    """Whether the layer that the denoiser makes is measured, in the place of the radiance."""
 
     def overrides(self) -> dict[str, Any]:
         """What it says."""
@@ -43,9 +55,20 @@ class RungConfig(Model):
     def apply(self, settings: RenderSettings) -> RenderSettings:
         """Settings with what it says in their place."""
         said = self.overrides()
-        if "sampler" in said:
-            said["sampler"] = Sampler(said["sampler"])
+        if said.pop("denoise", False):
+            said["aovs"] = settings.aovs | {Aov.DENOISED}
         return replace(settings, **said)
+
+    def matters(self, media: Sequence[Medium]) -> bool:
+        """Whether the settings that change the model of the media change anything in these."""
+        correlated = [medium for medium in media if medium.line_law.kind != "exponential"]
+        bounded = [medium for medium in correlated if medium.line_law.regime == "fbm" and medium.hurst < 1]
+        by_setting = {
+            "similarity_order": any(medium.mean_cosine != 0 for medium in media),
+            "transport": any(medium.resolved_transport != self.transport for medium in correlated),
+            "line_variance": any(medium.line_variance != self.line_variance for medium in bounded),
+        }
+        return all(matters for name, matters in by_setting.items() if getattr(self, name) is not None)
 
 
 class MediumConfig(Model):
@@ -63,9 +86,9 @@ class MediumConfig(Model):
     """Outer scale [unit]."""
     albedo: Albedo | Annotated[tuple[Albedo, Albedo, Albedo], Field(strict=False)] | None = None
     """Single-scattering albedo, one or by channel."""
-    transport: Literal["reciprocal", "renewal", "mixed"] | None = None
+    transport: Transport | None = None
     """How flights depend on where they begin."""
-    line_variance: Literal["asymptotic", "exact"] | None = None
+    line_variance: LineVariance | None = None
     """Of fractional Brownian motion."""
 
     def overrides(self) -> dict[str, Any]:
@@ -103,9 +126,20 @@ LADDER: Mapping[str, RungConfig] = {
     "depth 4": RungConfig(max_depth=4),
     "depth 16": RungConfig(max_depth=16),
     "depth 64": RungConfig(max_depth=64),
-    "roulette 0": RungConfig(roulette_depth=0),
     "roulette 2": RungConfig(roulette_depth=2),
     "roulette 32": RungConfig(roulette_depth=32),
+    "roulette 128": RungConfig(roulette_depth=128),
+    "similarity 1": RungConfig(similarity_order=1),
+    "similarity 4": RungConfig(similarity_order=4),
+    "similarity 16": RungConfig(similarity_order=16),
+    "upscale 2": RungConfig(upscale=2),
+    "upscale 4": RungConfig(upscale=4),
+    "denoise": RungConfig(denoise=True),
+    "denoise, spp 16": RungConfig(spp=16, denoise=True),
+    "renewal": RungConfig(transport="renewal"),
+    "reciprocal": RungConfig(transport="reciprocal"),
+    "asymptotic variance": RungConfig(line_variance="asymptotic"),
+    "exact variance": RungConfig(line_variance="exact"),
 }
 """Each knob on its own, beside the presets that are fast enough to be measured."""
 

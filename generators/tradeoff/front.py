@@ -70,9 +70,13 @@ class Rung:
     def spp_for(self, target: float) -> float | None:
         """Samples per pixel with which noise and bias together are `target`; None where the bias alone exceeds it.
 
+        What a denoiser leaves of the noise follows no such law: its number is what was measured, if that is enough.
+
         Args:
             target: root of the mean squared relative error, > 0.
         """
+        if self.settings.get("denoise"):
+            return self.spp if self.relative_rmse <= target else None
         bias = 0.0 if self.is_unbiased else self.bias_rms
         return self.spp * self.noise**2 / (target**2 - bias**2) if bias < target else None
 

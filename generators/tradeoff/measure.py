@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -16,7 +18,7 @@ from fgf_warp.errors import ConfigError, SceneError
 from fgf_warp.output.color import mean_delta_e, to_display
 from fgf_warp.output.flip import mean_flip
 from fgf_warp.scene import Medium, Scene
-from fgf_warp.settings import PRESETS, RenderSettings
+from fgf_warp.settings import PRESETS, Aov, RenderSettings
 from generators.stage import load_scene
 from generators.tradeoff.config import LoadedTradeoff, MediumConfig, RungConfig, variations
 from generators.tradeoff.features import FEATURE_AOVS, read_features
@@ -103,6 +105,21 @@ def list_subjects(loaded: LoadedTradeoff) -> tuple[list[Subject], list[str]]:
     return subjects, warnings
 
 
+def applicable_rungs(scene: Scene, rungs: Mapping[str, RungConfig]) -> dict[str, RungConfig]:
+    """The rungs that change anything in a scene and that its media can have."""
+    return {name: rung for name, rung in rungs.items() if rung.matters(scene.media) and _accepts(scene, rung)}
+
+
+def _accepts(scene: Scene, rung: RungConfig) -> bool:
+    asked = {"transport": rung.transport, "line_variance": rung.line_variance}
+    changes: dict[str, Any] = {name: value for name, value in asked.items() if value is not None}
+    try:
+        scene.with_media(tuple(replace(medium, **changes) for medium in scene.media))
+    except SceneError:
+        return False
+    return True
+
+
 def measure(
     loaded: LoadedTradeoff, subjects: list[Subject], cache: Path, device: str, progress: Progress | None = None
 ) -> Outcome:
@@ -120,7 +137,8 @@ def measure(
         OutputError: where a reference cannot be put into the cache.
     """
     config = loaded.config
-    total = len(subjects) * config.replicates * (1 + len(config.rungs))
+    ladders = [applicable_rungs(subject.scene, config.rungs) for subject in subjects]
+    total = config.replicates * sum(1 + len(ladder) for ladder in ladders)
     done = 0
 
     def advance(name: str) -> Callable[[], None]:
@@ -142,8 +160,8 @@ def measure(
         device=device,
     )
     measured = [
-        measure_pair(subject, settings, config.rungs, config.replicates, cache, advance(subject.name))
-        for subject in subjects
+        measure_pair(subject, settings, ladder, config.replicates, cache, advance(subject.name))
+        for subject, ladder in zip(subjects, ladders, strict=True)
     ]
     front = Front(_versions(), _machine(device), config.size, config.replicates, tuple(one.pair for one in measured))
     return Outcome(front, tuple(measured))
@@ -227,15 +245,15 @@ def _render_replicates(
     scene: Scene, settings: RenderSettings, replicates: int, first_seed: int, progress: Callable[[], None]
 ) -> tuple[np.ndarray, float]:
     """Independent images and the median of the times that they took, once the kernel is there and warm."""
-    from fgf_warp.renderer import render  # noqa: PLC0415
+    from fgf_warp.finishing import render_image  # noqa: PLC0415 - starts Warp
 
-    render(scene, replace(settings, spp=1))
+    render_image(scene, replace(settings, spp=1))
     images, seconds = [], []
     for replicate in range(replicates):
         began = clock(settings)
-        result = render(scene, replace(settings, seed=first_seed + replicate))
+        result = render_image(scene, replace(settings, seed=first_seed + replicate))
         seconds.append(clock(settings) - began)
-        images.append(result.radiance)
+        images.append(result.aovs.get(Aov.DENOISED, result.radiance))
         progress()
     return np.stack(images), median(seconds)
 
@@ -293,12 +311,8 @@ def _judge(rungs: list[Rung]) -> list[Rung]:
 
 
 def _versions() -> dict[str, str]:
-    import warp as wp  # noqa: PLC0415
-
-    return {"fgf-warp": __version__, "warp-lang": wp.config.version, "python": platform.python_version()}
+    return {"fgf-warp": __version__, "warp-lang": version("warp-lang"), "python": platform.python_version()}
 
 
 def _machine(device: str) -> str:
-    import warp as wp  # noqa: PLC0415
-
-    return f"{platform.machine()}, {wp.get_device(device).name}"
+    return f"{platform.machine()}, {os.cpu_count()} cores, on {device}"

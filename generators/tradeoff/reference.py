@@ -10,6 +10,7 @@ import time
 import zipfile
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -135,11 +136,9 @@ def clock(settings: RenderSettings) -> float:
 
 def _key(scene: Scene, settings: RenderSettings, replicates: int) -> str:
     """Hash of all that determines the pixels."""
-    import warp as wp  # noqa: PLC0415
-
     told = {name: value for name, value in asdict(settings).items() if name not in ("threads", "memory")}
     told |= {"aovs": sorted(settings.aovs), "device": settings.device.split(":")[0], "machine": platform.machine()}
-    versions = [__version__, wp.config.version]
+    versions = [__version__, version("warp-lang")]
     return content_hash({"scene": canonical(scene), "settings": told, "parts": replicates, "versions": versions})
 
 

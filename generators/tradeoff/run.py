@@ -26,12 +26,13 @@ def make_folder(folder: Path) -> None:
         check_writable(folder / name)
 
 
-def write(outcome: Outcome, folder: Path) -> list[Path]:
+def write(outcome: Outcome, folder: Path, command: str) -> list[Path]:
     """Writes numbers, report and leading figure.
 
     Args:
         outcome: of `generators.tradeoff.measure.measure`.
         folder: where to, see `make_folder`.
+        command: that was given, for the report.
 
     Returns:
         The files.
@@ -43,5 +44,5 @@ def write(outcome: Outcome, folder: Path) -> list[Path]:
 
     write_front(folder / NUMBERS, outcome.front)
     write_bytes(folder / FIGURE, draw_front(outcome.front))
-    write_tradeoff_report(outcome, folder / REPORT)
+    write_tradeoff_report(outcome, folder / REPORT, command)
     return [folder / name for name in (NUMBERS, FIGURE, REPORT)]

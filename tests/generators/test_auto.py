@@ -162,6 +162,7 @@ def test_the_bias_of_paired_images_is_told_from_their_scatter():
     assert paired_bias(0 * image, 0 * image) == 0.0
 
 
+@pytest.mark.slow
 def test_settings_are_chosen_and_keep_the_error():
     """A rung that was measured to be without bias is found out by the pilot, another is taken; and it ends well.
 

@@ -53,12 +53,14 @@ def asked(monkeypatch, fake_renderer):
 
 
 def test_flags_become_settings(render, asked):
-    assert render("--maxDepth", 1, "--transport", "renewal", "--lineVariance", "exact").exit_code == 0
+    flags = ("--maxDepth", 1, "--similarityOrder", 4, "--transport", "renewal", "--lineVariance", "exact")
+    assert render(*flags).exit_code == 0
     assert render().exit_code == 0
     (_, changed, single), (_, plain, usual) = asked
     assert (changed.media[0].transport, changed.media[0].line_variance) == ("renewal", "exact")
     assert (plain.media[0].transport, plain.media[0].line_variance) == (None, "asymptotic")
-    assert (single.max_depth, usual.max_depth) == (1, 1024)
+    assert (single.max_depth, single.similarity_order) == (1, 4)
+    assert (usual.max_depth, usual.similarity_order) == (1024, None)
 
 
 def test_an_upscaled_picture_is_as_large_as_asked_for(tmp_path, render, asked):
@@ -118,6 +120,7 @@ def test_without_a_goal_nothing_ends_a_render_early(render, asked):
     [
         (("--upscale", 0), "upscale = 0; accepted: an integer in [1, 8]"),
         (("--maxDepth", 0), "max_depth = 0; accepted: an integer in [1, "),
+        (("--similarityOrder", 0), "similarity_order = 0; accepted"),
         (("--transport", "fast"), "--transport fast: accepted: reciprocal, renewal, mixed"),
         (("--lineVariance", "none"), "--lineVariance none: accepted: asymptotic, exact"),
         (("--targetError", "small"), "--targetError small: accepted: a share such as 0.01 or 1%"),

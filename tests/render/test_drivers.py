@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 import warp as wp
 
+from fgf_warp import renderer
 from fgf_warp.integrator import Counts, Round
 from fgf_warp.renderer import begin, build_model, develop, step
 from fgf_warp.settings import RENDERED_AOVS, Aov, RenderSettings
 from tests.grid import REGIMES
 from tests.render.test_instances import example
 from tests.render.test_lights import INTRICATE, block_under
-from tests.render.test_render import full_scene
+from tests.render.test_render import full_scene, same
 from tests.scenes import furnace
 
 SETTINGS = RenderSettings(width=64, height=64, spp=64, threads=1)
@@ -24,6 +25,14 @@ def cpu_seconds(work) -> float:
     started = time.process_time()
     work()
     return time.process_time() - started
+
+
+def advance_by_threads(monkeypatch, model, state, wanted):
+    """As on CUDA, on the CPU, where blocks have one thread."""
+    model.program.render_threads.module.load(wp.get_device("cpu"), 1)
+    monkeypatch.setattr(renderer, "BLOCK_DIM", 1)
+    for image in renderer._advance_cuda(model, state, range(len(model.variants)), wanted, None):
+        state.samples[image] = wanted[image]
 
 
 def launch_threads(model, state):
@@ -105,3 +114,48 @@ def test_both_drivers_render_the_same_picture(make):
         # Motion is a difference of places in the image, which are rounded to 64 / 2^24.
         atol = 1e-5 if aov == Aov.MOTION else 1e-6
         assert np.allclose(plane, b.aovs[aov], rtol=1e-4, atol=atol), aov
+
+
+def uneven(rng, images, height, width):
+    """Samples per pixel from 0 to 20; two pixels of three get none."""
+    return rng.integers(1, 21, (images, height, width)) * (rng.random((images, height, width)) < 1 / 3)
+
+
+@pytest.mark.parametrize("driver", ["pool", "threads"])
+def test_how_samples_are_spread_over_steps_does_not_change_a_pixel(driver, monkeypatch):
+    """Some pixels get theirs early and others late, in launches of few samples; all end at 20 as with one step."""
+    settings = replace(SETTINGS, width=13, height=9, spp=20, threads=2, aovs=frozenset(Aov))
+    scene = full_scene()
+    model = build_model(scene, settings, [renderer.Variant(scene.media, seed) for seed in (3, 4)])
+    whole, parts = begin(model), begin(model)
+    step(model, whole, 20)
+    monkeypatch.setattr(renderer, "PATHS_PER_LAUNCH", 13 * 9 * 3)
+    monkeypatch.setattr(renderer, "PATHS_PER_CUDA_LAUNCH", 13 * 9 * 3)
+    early = uneven(np.random.default_rng(1), 2, 9, 13).astype(np.int32)
+    for wanted in (early, np.full_like(early, 20)):
+        if driver == "pool":
+            step(model, parts, wanted - parts.samples)
+        else:
+            advance_by_threads(monkeypatch, model, parts, wanted)
+        assert np.array_equal(parts.samples, wanted)
+    for image in (0, 1):
+        a, b = develop(model, whole, image), develop(model, parts, image)
+        assert same(a, b) if driver == "pool" else np.allclose(a.radiance, b.radiance, rtol=1e-4, atol=1e-6)
+
+
+def test_pixels_may_get_very_different_numbers_of_samples():
+    """Each is what it is where all pixels get its number."""
+    settings = replace(SETTINGS, width=7, height=5, spp=2000, threads=2, aovs=frozenset(Aov))
+    model = build_model(full_scene(), settings)
+    many, one, mixed = begin(model), begin(model), begin(model)
+    step(model, many, 2000)
+    step(model, one, 1)
+    counts = np.ones((1, 5, 7), dtype=np.int32)
+    counts[0, 2, 3] = 2000
+    seen = []
+    step(model, mixed, counts, lambda done, total: seen.append((done, total)))
+    assert seen[-1] == (2034, 2034)
+    found, most, least = (develop(model, state) for state in (mixed, many, one))
+    assert np.array_equal(found.aovs[Aov.SAMPLES], counts[0])
+    assert np.array_equal(found.radiance, np.where(counts[0, ..., None] == 1, least.radiance, most.radiance))
+    assert (found.samples, found.path_count) == (round(2034 / 35), 2034)
