@@ -20,7 +20,7 @@ import numpy as np
 
 from fgf_warp.errors import ConfigError, NumericalError
 from fgf_warp.renderer import Model, Progress, State, Variant, advance, batches, begin, develop
-from fgf_warp.result import BLOCK, RenderResult, block_errors, block_means, block_sizes, error_over
+from fgf_warp.result import BLOCK, OVER, RenderResult, block_errors, block_means, block_sizes, error_over
 from fgf_warp.scene import Scene
 from fgf_warp.settings import Aov, RenderSettings
 
@@ -68,7 +68,7 @@ class Goal:
             raise ConfigError(f"error = {self.error!r}; accepted: a relative error in (0, 1), such as 0.01")
         if self.time is not None and not (_is_number(self.time) and 0 < self.time < math.inf):
             raise ConfigError(f"time = {self.time!r}; accepted: seconds > 0")
-        if not re.fullmatch(r"mean|rms|p[1-9][0-9]?", str(self.over)):
+        if not re.fullmatch(OVER, str(self.over)):
             raise ConfigError(f"over = {self.over!r}; accepted: mean, rms, or a percentile from p1 to p99")
         if not isinstance(self.max_spp, int) or not FIRST_SPP <= self.max_spp < 2**31:
             raise ConfigError(f"max_spp = {self.max_spp!r}; accepted: an integer in [{FIRST_SPP}, 2^31)")
@@ -125,13 +125,24 @@ def render_batch_until(
         ConfigError: where the memory does not hold a single image, or for a device that is not there.
         UnsupportedFeatureError: for a scene that this version cannot render.
     """
-    halves = [half for variant in variants for half in (variant, replace(variant, seed=variant.seed ^ SECOND_HALF))]
     first = 0
-    for model in batches(scene, halves, settings, together=2):
+    for model in halved_batches(scene, variants, settings):
         # In a function, so that the films of a batch are gone before the next are made.
-        for image, result in _converge_batch(model, goal, progress):
+        for image, result in converge(model, goal, progress):
             yield first + image, result
         first += len(model.variants) // 2
+
+
+def halved_batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings) -> Iterator[Model]:
+    """Models of the halves of successive images, for `converge`; raises as `render_batch_until` does.
+
+    Args:
+        scene: whose media the variants replace.
+        variants: one for each image, of which a model has two.
+        settings: that the images share, but for the seed.
+    """
+    halves = [half for variant in variants for half in (variant, replace(variant, seed=variant.seed ^ SECOND_HALF))]
+    return batches(scene, halves, settings, together=2)
 
 
 def merge_halves(first: RenderResult, second: RenderResult, spp: int) -> RenderResult:
@@ -183,9 +194,19 @@ def _merge_planes(aov: Aov, ours: dict[Aov, np.ndarray], theirs: dict[Aov, np.nd
     return (first + second) / 2
 
 
-def _converge_batch(
-    model: Model, goal: Goal, progress: Progress | None
+def converge(
+    model: Model, goal: Goal, progress: Progress | None = None
 ) -> Iterator[tuple[int, RenderResult | NumericalError]]:
+    """Renders the images of one of the `halved_batches` until each is good enough.
+
+    Args:
+        model: of the halves.
+        goal: of each image.
+        progress: called with the camera paths done, and expected in all, which changes.
+
+    Yields:
+        As `render_batch_until`.
+    """
     state = begin(model)
     images = [_Image(model, number, goal) for number in range(len(model.variants) // 2)]
     pixels = model.settings.width * model.settings.height

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import UnionType
 
+from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.scene import (
     PHASE_PARAMETERS,
     AreaLight,
@@ -64,6 +65,7 @@ class RenderFeatures:
             and crosses no boundaries one by one; otherwise empty.
         chromatic: a medium whose channels differ in extinction.
         phases: which phase functions the media have.
+        similarity: media that scatter unevenly, and are replaced by similar ones that do not for long paths.
         frozen: a medium of the mixed transport, where paths may be frozen.
         exact_variance: a fractional Brownian motion with the variance of finite segments; its flights are looked up.
         aovs: the further planes that need work in the kernel.
@@ -92,6 +94,7 @@ class RenderFeatures:
     lone_solid: str
     chromatic: bool
     phases: frozenset[PhaseFunction]
+    similarity: bool
     frozen: bool
     exact_variance: bool
     aovs: frozenset[Aov]
@@ -151,13 +154,19 @@ class Reason:
 
 
 def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
-    """The least that renders this scene with these settings."""
+    """The least that renders this scene with these settings.
+
+    Raises:
+        UnsupportedFeatureError: for a medium with the exact line variance that is to be replaced by a similar one.
+    """
     filled = [shape for shape in scene.shapes if shape.medium is not None]
     media = [scene.media[shape.medium] for shape in filled if shape.medium is not None]
     surfaces = [shape.surface for shape in scene.shapes if shape.surface is not None]
     passes = any(surface.may_be_transparent for surface in surfaces)
     # What a path has passed through must be remembered along the ray, which only the general flight does.
-    is_lone = len(media) == 1 and not media[0].is_chromatic and not passes
+    turning = _replaced_media(media, settings)
+    chromatic = any(medium.is_chromatic or (bool(turning) and _differs_in_similar(medium)) for medium in media)
+    is_lone = len(media) == 1 and not chromatic and not passes
     lone_law = media[0].line_law.kind if is_lone else ""
     hanging = solids_in_tree(scene.shapes)
     tried = filled if hanging else scene.shapes
@@ -184,13 +193,32 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         media=bool(media),
         lone_law=lone_law,
         lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) and not moves(filled[0]) else "",
-        chromatic=any(medium.is_chromatic for medium in media),
+        chromatic=chromatic,
         phases=frozenset(medium.phase_function for medium in media),
+        similarity=bool(turning),
         frozen=any(medium.freezes_paths for medium in media),
         exact_variance=any(law.kind == "exact_fbm" for medium in media for law in medium.channel_laws),
         aovs=_traced(settings, surfaces=bool(surfaces), motion=motion),
         sampler=settings.sampler,
     )
+
+
+def _replaced_media(media: Sequence[Medium], settings: RenderSettings) -> list[Medium]:
+    """Those that scatter unevenly, where the settings ask for similar ones."""
+    if settings.similarity_order is None:
+        return []
+    for medium in media:
+        if any(law.kind == "exact_fbm" for law in medium.channel_laws):
+            raise UnsupportedFeatureError(
+                f"{medium.name}: similarity_order = {settings.similarity_order} with the exact line variance; "
+                "accepted: the asymptotic one"
+            )
+    return [medium for medium in media if medium.mean_cosine != 0]
+
+
+def _differs_in_similar(medium: Medium) -> bool:
+    """True where the channels of the similar medium differ in extinction: it keeps each one's absorption."""
+    return len({channel.mean_extinction for channel in medium.similar_channels}) > 1
 
 
 def _traced(settings: RenderSettings, *, surfaces: bool, motion: bool) -> frozenset[Aov]:
@@ -226,7 +254,9 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
     def with_property(holds: Callable[[Medium], bool]) -> list[str]:
         return sorted({medium.name for medium in media if holds(medium)})
 
-    chromatic = with_property(lambda medium: medium.is_chromatic)
+    chromatic = with_property(
+        lambda medium: medium.is_chromatic or (features.similarity and _differs_in_similar(medium))
+    )
     frozen = with_property(lambda medium: medium.freezes_paths)
     exact = with_property(lambda medium: any(law.kind == "exact_fbm" for law in medium.channel_laws))
 
@@ -291,6 +321,11 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
             _why(with_property(lambda medium: True)),
         ),
         Reason("channels of their own extinction", features.chromatic, _why(chromatic)),
+        Reason(
+            "similar media for long paths",
+            features.similarity,
+            _why(with_property(lambda medium: features.similarity and medium.mean_cosine != 0)),
+        ),
         Reason("frozen paths", features.frozen, _why(frozen)),
         Reason("variance of finite segments", features.exact_variance, _why(exact)),
         Reason("connections to lights", features.connections, _why(lights)),

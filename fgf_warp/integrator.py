@@ -95,7 +95,7 @@ from fgf_warp.device.lights import (
     meet_light,
     sample_light,
 )
-from fgf_warp.device.medium import Container, Medium, container_at, ior_at, medium_at, refracting_at
+from fgf_warp.device.medium import Container, Medium, container_at, ior_at, medium_after, medium_at, refracting_at
 from fgf_warp.device.numerics import INFINITE, choose, log_positive, max_component
 from fgf_warp.device.options import kernel_options
 from fgf_warp.device.phase import Phase, build_phase
@@ -354,6 +354,14 @@ def build_program(features: RenderFeatures) -> Program:
                 return fbm.flight_density(law, u, from_medium)
         return flight_density(law, u, from_medium)
 
+    # ---- the medium of a path: its own, or after some scattering events the similar one.
+
+    @wp.func(inline=True)
+    def seen_medium(medium: Medium, scatterings: int) -> Medium:
+        if wp.static(features.similarity):
+            return medium_after(medium, scatterings)
+        return medium
+
     # ---- depart and fly: how far would the path fly, were the medium unbounded?
 
     @wp.func(inline=True)
@@ -384,8 +392,9 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func(inline=True)
-    def fly_in_lone_medium(before: Path, medium: Medium, seed: wp.uint64) -> Path:
+    def fly_in_lone_medium(before: Path, lone: Medium, seed: wp.uint64) -> Path:
         path = before
+        medium = seen_medium(lone, before.depth)
         remembers = before.from_medium == 1 and medium.law.reciprocal == 1
         exponent = -log_positive(before.xi[0])
         u = exponent / medium.law.rate
@@ -428,7 +437,7 @@ def build_program(features: RenderFeatures) -> Program:
         path = before
         path.medium = medium_at(scene.containers, before.start.inside)
         if path.medium >= 0 and path.keeps == 0:
-            medium = scene.media[scene.first_medium + path.medium]
+            medium = seen_medium(scene.media[scene.first_medium + path.medium], path.depth)
             if wp.static(features.frozen):
                 path.rates = draw_rates(scene, path, medium, seed)
             u = fly_by_law(scene, path, law_of_channel(medium, path.channel), seed)
@@ -782,7 +791,7 @@ def build_program(features: RenderFeatures) -> Program:
                 if beyond == path.medium:
                     path.keeps = 1
             if path.medium >= 0 and path.keeps == 0:
-                medium = scene.media[scene.first_medium + path.medium]
+                medium = seen_medium(scene.media[scene.first_medium + path.medium], path.depth)
                 if scatters:
                     path.albedo = medium.albedo
                     path.phase = medium.phase
@@ -937,8 +946,9 @@ def build_program(features: RenderFeatures) -> Program:
                 phase = before.phase
                 albedo = before.albedo
             else:
-                phase = lone.phase
-                albedo = lone.albedo
+                medium = seen_medium(lone, before.depth)
+                phase = medium.phase
+                albedo = medium.albedo
             wi = sample_phase(phase, before.direction, before.xi[2], before.xi[3])
             if wp.static(features.meshes):
                 # Not so close to a face ahead that rounding could put the event behind it.
@@ -1057,7 +1067,7 @@ def build_program(features: RenderFeatures) -> Program:
                     start.crossed = gate
                     beyond = medium_at(scene.containers, start.inside & casting)
                 if medium >= 0 and (not lets_through or beyond != medium):
-                    crossed = scene.media[scene.first_medium + medium]
+                    crossed = seen_medium(scene.media[scene.first_medium + medium], path.depth + 1)
                     rates = path.rates
                     if wp.static(features.frozen and not freezes_at_birth):
                         rates = draw_rates(scene, path, crossed, seed)
@@ -1092,7 +1102,7 @@ def build_program(features: RenderFeatures) -> Program:
         """pdf_solid_angle of scattering into `wi` at this event, and the share that scatters there."""
         pdf = float(0.0)
         if wp.static(features.media):
-            phase = lone.phase
+            phase = seen_medium(lone, path.depth).phase
             if wp.static(lone_law == ""):
                 phase = path.phase
             pdf = eval_phase(phase, path.direction, wi)
@@ -1234,7 +1244,8 @@ def build_program(features: RenderFeatures) -> Program:
         path = before
         span = chord(solid_span(solid, kind, before.origin, before.to_light), before.start.inside != wp.uint32(0))
         length = wp.min(span[1], before.light_distance) - span[0]
-        passed = lone_attenuation(lone, wp.max(length, 0.0), before.from_medium == 1, before.rates[0])
+        medium = seen_medium(lone, before.depth + 1)
+        passed = lone_attenuation(medium, wp.max(length, 0.0), before.from_medium == 1, before.rates[0])
         path.light_share = before.light_share * wp.where(length > 0.0, passed, 1.0)
         return path
 
@@ -1285,7 +1296,7 @@ def build_program(features: RenderFeatures) -> Program:
         path.sample = before.sample
         path.end_sample = before.end_sample
         path.alive = 1
-        path.turn = wp.int32(reverse_bits(wp.uint32(path.sample)))
+        path.turn = wp.int32(reverse_bits(wp.uint32(path.end_sample + path.sample)))
         path.shift_x = before.shift_x
         path.shift_y = before.shift_y
         in_pixel = wp.vec2(0.0, 0.0)
@@ -1585,7 +1596,7 @@ def build_program(features: RenderFeatures) -> Program:
         lanes = lanes_of(pool)
         for i in range(LANES):
             path = load(lanes, i)
-            if path.alive == 0 and path.sample < path.end_sample:
+            if path.alive == 0 and path.sample < 0:
                 store(lanes, i, track(scene, path))
 
     @wp.func
@@ -1596,13 +1607,13 @@ def build_program(features: RenderFeatures) -> Program:
         waiting = int(0)
         for i in range(LANES):
             path = load(lanes, i)
-            is_complete = path.alive == 0 and path.sample < path.end_sample
+            is_complete = path.alive == 0 and path.sample < 0
             store_tally(sums, i, finish(load_tally(sums, i), path, is_complete))
         for i in range(LANES):
             path = load(lanes, i)
-            is_complete = path.alive == 0 and path.sample < path.end_sample
+            is_complete = path.alive == 0 and path.sample < 0
             path.sample = path.sample + wp.where(is_complete, 1, 0)
-            waiting += wp.where(path.sample == path.end_sample, 1, 0)
+            waiting += wp.where(path.sample == 0, 1, 0)
             store(lanes, i, path)
         return waiting
 
@@ -1625,20 +1636,20 @@ def build_program(features: RenderFeatures) -> Program:
         retired = int(0)
         for i in range(LANES):
             path = load(lanes, i)
-            if path.sample == path.end_sample:
+            if path.sample == 0:
                 if path.pixel >= 0:
                     write_film(film, first_place + path.pixel, load_tally(sums, i))
-                while path.sample == path.end_sample and handed < end_pixel:
+                while path.sample == 0 and handed < end_pixel:
                     first_sample, end_sample = samples_of_round(counts, part, first_place + handed)
                     if first_sample < end_sample:
                         path = go_to_pixel(path, width, seed, handed)
-                        path.sample = first_sample
+                        path.sample = first_sample - end_sample
                         path.end_sample = end_sample
                         store_tally(sums, i, read_film(film, first_place + handed))
                     handed += 1
-                if path.sample == path.end_sample:
+                if path.sample == 0:
                     path.pixel = -1
-                    path.sample = path.end_sample + 1
+                    path.sample = 1
                     retired += 1
                 store(lanes, i, path)
         return handed, retired
@@ -1650,7 +1661,7 @@ def build_program(features: RenderFeatures) -> Program:
         for i in range(LANES):
             path = load(lanes, i)
             fresh = emit(camera, scene.camera_inside, seed, path)
-            if path.alive == 0 and path.sample < path.end_sample:
+            if path.alive == 0 and path.sample < 0:
                 store(lanes, i, fresh)
         if wp.static(features.varied_starts):
             for i in range(LANES):

@@ -25,7 +25,7 @@ from fgf_warp.integrator import NOT_SEEN, Counts, Film, Program, Round, build_pr
 from fgf_warp.locks import hold
 from fgf_warp.result import RenderResult
 from fgf_warp.scene import Medium, Scene
-from fgf_warp.settings import GIB, PRIM_AOVS, SPLIT_AOVS, Aov, RenderSettings
+from fgf_warp.settings import GIB, PRIM_AOVS, RENDERED_AOVS, SPLIT_AOVS, Aov, RenderSettings
 from fgf_warp.upload import UploadedScene, upload
 
 Progress = Callable[[int, int], None]
@@ -130,6 +130,7 @@ def prepare(scene: Scene, settings: RenderSettings) -> Program:
         ConfigError: for a device that is not there.
     """
     check_device(settings.device)
+    _check_plain(settings)
     with _build_lock, _kernel_cache():
         program = build_program(required_features(scene, settings))
         if program.features.meshes:
@@ -140,6 +141,17 @@ def prepare(scene: Scene, settings: RenderSettings) -> Program:
         else:
             program.render_threads.module.load(wp.get_device(settings.device), BLOCK_DIM)
     return program
+
+
+def _check_plain(settings: RenderSettings) -> None:
+    """Refuses what `finishing` takes out of settings before it renders, since here it would do nothing."""
+    plain = replace(settings, upscale=1, transport=None, line_variance=None, aovs=settings.aovs & RENDERED_AOVS)
+    changed = [key for key, value in asdict(plain).items() if value != getattr(settings, key)]
+    if changed:
+        raise ConfigError(
+            f"{changed[0]} = {getattr(settings, changed[0])!r} is not the renderer's own to follow; accepted: "
+            "fgf_warp.finishing.render_image, or settings without it"
+        )
 
 
 def _kernel_cache() -> AbstractContextManager[None]:
@@ -570,7 +582,7 @@ def _provenance(model: Model, image: int, samples: int) -> dict[str, Any]:
         "settings": {
             key: value
             for key, value in asdict(settings).items()
-            if key in ("width", "height", "max_depth", "roulette_depth", "sampler")
+            if key in ("width", "height", "max_depth", "roulette_depth", "similarity_order", "sampler")
         }
         | {"seed": variant.seed, "spp": samples, "device": settings.device.split(":")[0]},
         "versions": {"fgf-warp": __version__, "warp-lang": wp.config.version, "python": platform.python_version()},

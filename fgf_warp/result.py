@@ -11,6 +11,8 @@ from fgf_warp.settings import Aov, RenderSettings
 
 BLOCK = 8
 """Side of the blocks over which errors are taken [pixel]; those at the right and at the bottom may be smaller."""
+OVER = r"mean|rms|p[1-9][0-9]?"
+"""What relative errors of blocks can be taken over, as a pattern: all of them, or a percentile."""
 DARK = 0.01
 """Of the image's mean: what is darker counts as so bright in relative errors, or next to nothing would decide them."""
 

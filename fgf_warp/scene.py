@@ -17,15 +17,15 @@ from typing import Literal
 import numpy as np
 
 from fgf_warp.errors import OpenMeshError, SceneError
-from fgf_warp.theory.law import LINE_VARIANCES, LineLaw, LineVariance, build_line_law
+from fgf_warp.theory.choices import LINE_VARIANCES, TRANSPORTS, LineVariance, Transport
+from fgf_warp.theory.law import LineLaw, build_line_law
 from fgf_warp.theory.mixture import MIXTURE_ERROR, mix_exact_rates
 from fgf_warp.theory.phase import DRAINE_ALPHA_MAX
+from fgf_warp.theory.similarity import SimilarChannel, similar_channel
 
 Rgb = tuple[float, float, float]
 Vec3 = tuple[float, float, float]
 Vec4 = tuple[float, float, float, float]
-Transport = Literal["reciprocal", "renewal", "mixed"]
-TRANSPORTS: tuple[Transport, ...] = ("reciprocal", "renewal", "mixed")
 PhaseFunction = Literal["isotropic", "hg", "two_lobe", "draine"]
 PHASE_FUNCTIONS: tuple[PhaseFunction, ...] = ("isotropic", "hg", "two_lobe", "draine")
 PHASE_PARAMETERS: dict[str, tuple[PhaseFunction, ...]] = {
@@ -386,6 +386,15 @@ class Medium:
     def is_chromatic(self) -> bool:
         """True where the channels differ in extinction."""
         return len(set(self.extinction_color)) > 1
+
+    @cached_property
+    def similar_channels(self) -> tuple[SimilarChannel, SimilarChannel, SimilarChannel]:
+        """The channels of the medium that scatters evenly, and light whose direction is lost alike."""
+        red, green, blue = (
+            similar_channel(law, albedo, self.mean_cosine)
+            for law, albedo in zip(self.channel_laws, self.albedo, strict=True)
+        )
+        return red, green, blue
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,7 +92,7 @@ def upload(
     hanging = set(solids_in_tree(shapes))
     solids = [shape for shape in shapes if isinstance(shape, Solid) and shape not in hanging]
     rows = LawTables()
-    media = [_medium(item, index, scene, rows) for own in media_of_images for index, item in enumerate(own)]
+    media = [_medium(item, index, scene, settings, rows) for own in media_of_images for index, item in enumerate(own)]
 
     data = SceneData()
     data.camera = _camera(scene.camera, settings.width, settings.height)
@@ -221,7 +221,7 @@ def _flights(line: fbm.ExactFbm, farthest: float, rows: LawTables, *, from_mediu
     return result
 
 
-def _medium(item: Medium, index: int, scene: Scene, rows: LawTables) -> Any:
+def _medium(item: Medium, index: int, scene: Scene, settings: RenderSettings, rows: LawTables) -> Any:
     reciprocal = item.resolved_transport != "renewal"
     # Of what fills nothing no flight is looked up and no path frozen.
     needs_tables = item.line_variance == "exact" or item.freezes_paths
@@ -240,7 +240,24 @@ def _medium(item: Medium, index: int, scene: Scene, rows: LawTables) -> Any:
     result.phase = _phase(item)
     result.law, result.law_green, result.law_blue = channels
     result.frozen_share = scene.frozen_share(index, item)
+    if settings.similarity_order is not None:
+        _add_similar(result, item, settings.similarity_order)
     return result
+
+
+def _add_similar(result: Any, item: Medium, order: int) -> None:
+    similar = item.similar_channels
+    result.similarity_order = order
+    result.similar_extinction = wp.vec3(*(max(channel.mean_extinction, EXTINCTION_FLOOR) for channel in similar))
+    result.similar_albedo = wp.vec3(*(channel.albedo for channel in similar))
+    result.similar_kappa = wp.vec3(*(channel.kappa for channel in similar))
+    result.similar_ln_kappa = wp.vec3(*(math.log(channel.kappa) if channel.kappa > 0 else 0.0 for channel in similar))
+    result.similar_rate = wp.vec3(
+        *(
+            float(kernels.log1p_ratio(channel.kappa)) if line.is_exponential else 1.0
+            for line, channel in zip(item.channel_laws, similar, strict=True)
+        )
+    )
 
 
 def _phase(item: Medium) -> Any:

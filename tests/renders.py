@@ -25,6 +25,7 @@ def made_up_render(settings: RenderSettings, **provenance) -> RenderResult:
     planes |= {aov: rng.integers(-1, 9, shape, dtype=np.int32) for aov in (Aov.PRIM_ID, Aov.INSTANCE_ID)}
     planes[Aov.DEPTH][0, 0] = np.inf
     planes[Aov.SAMPLES] = np.full(shape, settings.spp, dtype=np.int32)
+    planes[Aov.DENOISED] = planes[Aov.DIRECT] + planes[Aov.INDIRECT]
     return RenderResult(
         radiance=plane(3),
         alpha=plane(),

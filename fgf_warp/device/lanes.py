@@ -37,8 +37,9 @@ class Path:
     row: int
     column: int
     sample: int
+    """Its number less `end_sample`, so that the last one of the pixel is -1; in a lane that is done for good 1."""
     end_sample: int
-    """After the last one of the pixel, for now; in a lane without a pixel equal to `sample`, or one less at its end."""
+    """After the last one of the pixel, for now."""
     shift_x: int
     shift_y: int
     """Of the pixel's lattice."""

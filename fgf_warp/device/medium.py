@@ -4,6 +4,7 @@ import warp as wp
 
 from fgf_warp.device.geometry import is_inside
 from fgf_warp.device.law import Law
+from fgf_warp.device.numerics import choose
 from fgf_warp.device.phase import Phase
 
 
@@ -23,6 +24,13 @@ class Medium:
     law_green: Law
     law_blue: Law
     """Of the further channels; used where the scene is chromatic."""
+    similarity_order: int
+    """Scattering events after which a path sees the similar medium, which scatters evenly. The rest is of that."""
+    similar_extinction: wp.vec3
+    similar_albedo: wp.vec3
+    similar_kappa: wp.vec3
+    similar_ln_kappa: wp.vec3
+    similar_rate: wp.vec3
 
 
 @wp.struct
@@ -37,6 +45,36 @@ class Container:
     """Index of refraction, where light enters through its surface; 0: its boundary refracts nothing."""
     ior_number: int
     """Of `ior` among the scene's; 0 is empty space."""
+
+
+@wp.func(inline=True)
+def similar_law(law: Law, is_similar: bool, kappa: float, ln_kappa: float, rate: float) -> Law:
+    """A channel's law at the extinction of the similar medium, where `is_similar`."""
+    result = law
+    result.fit_offset = law.fit_offset + wp.where(is_similar, ln_kappa - law.ln_kappa, 0.0)
+    result.kappa = wp.where(is_similar, kappa, law.kappa)
+    result.ln_kappa = wp.where(is_similar, ln_kappa, law.ln_kappa)
+    result.rate = wp.where(is_similar, rate, law.rate)
+    return result
+
+
+@wp.func(inline=True)
+def medium_after(medium: Medium, scatterings: int) -> Medium:
+    """The medium as a path sees it after so many scattering events; branch-free."""
+    result = medium
+    is_similar = scatterings >= medium.similarity_order
+    result.extinction = choose(is_similar, medium.similar_extinction, medium.extinction)
+    result.albedo = choose(is_similar, medium.similar_albedo, medium.albedo)
+    result.phase.asymmetry = wp.where(is_similar, 0.0, medium.phase.asymmetry)
+    result.phase.back_asymmetry = wp.where(is_similar, 0.0, medium.phase.back_asymmetry)
+    result.phase.draine_alpha = wp.where(is_similar, 0.0, medium.phase.draine_alpha)
+    kappa = medium.similar_kappa
+    ln_kappa = medium.similar_ln_kappa
+    rate = medium.similar_rate
+    result.law = similar_law(medium.law, is_similar, kappa[0], ln_kappa[0], rate[0])
+    result.law_green = similar_law(medium.law_green, is_similar, kappa[1], ln_kappa[1], rate[1])
+    result.law_blue = similar_law(medium.law_blue, is_similar, kappa[2], ln_kappa[2], rate[2])
+    return result
 
 
 @wp.func

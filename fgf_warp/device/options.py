@@ -1,4 +1,12 @@
-"""How kernels are compiled."""
+"""How kernels are compiled: for speed as far as it costs no accuracy, so that nobody has to choose.
+
+In units of the processor time with these flags, medians of renders by turns: on sphere, which has no triangles, 1.12
+without the reciprocals, 1.10 without fused products, and 0.98 with all of ``-ffast-math``; on cloud_block, which has
+some, 1.01 with the latter. Two equal builds differ by 0.01. The pictures of equal seeds differ by 3e-9, 8e-6 and 9e-7
+of the mean radiance on sphere, whose noise at 1024 samples is 7e-3, and on cloud_block, where some paths part, by a
+fifth of the noise. With ``-ffast-math`` no kernel could test for what is not finite, and it brings too little to be a
+setting.
+"""
 
 import platform
 from typing import Any

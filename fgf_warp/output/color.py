@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
@@ -33,7 +33,7 @@ def to_display(radiance: np.ndarray, exposure: float = 0.0) -> np.ndarray:
     if not np.isfinite(radiance).all():
         raise OutputError("the image has values that are not finite, so it cannot be shown")
     linear = np.clip(np.asarray(radiance, np.float64) * 2.0**exposure, 0.0, 1.0)
-    return np.rint(_srgb_encoding()(linear) * 255.0).astype(np.uint8)
+    return np.rint(_colour().RGB_COLOURSPACES["sRGB"].cctf_encoding(linear) * 255.0).astype(np.uint8)
 
 
 def write_png(path: Path, picture: RenderResult | np.ndarray, exposure: float = 0.0) -> None:
@@ -53,10 +53,29 @@ def write_png(path: Path, picture: RenderResult | np.ndarray, exposure: float = 
     write_image(path, pixels, ("R", "G", "B"), {"oiio:ColorSpace": "srgb_rec709_scene"})
 
 
+def mean_delta_e(picture: np.ndarray, reference: np.ndarray) -> float:
+    """Mean over the pixels of the CIE 2000 colour difference of two displayed pictures, under D65.
+
+    Args:
+        picture: (height, width, 3) uint8, as `to_display` encodes it.
+        reference: of the same shape.
+
+    Returns:
+        About 1 where an eye just sees a difference of plain patches side by side; 0 for equal pictures.
+    """
+    library = _colour()
+    space = library.RGB_COLOURSPACES["sRGB"]
+    first, second = (
+        library.XYZ_to_Lab(library.RGB_to_XYZ(image / 255.0, space, apply_cctf_decoding=True), space.whitepoint)
+        for image in (picture, reference)
+    )
+    return float(np.mean(library.delta_E(first, second, method="CIE 2000")))
+
+
 @cache
-def _srgb_encoding() -> Callable[[np.ndarray], np.ndarray]:
+def _colour() -> ModuleType:
     with warnings.catch_warnings():
         # colour-science takes more than a second to import, and warns of an absent Matplotlib not needed here.
         warnings.simplefilter("ignore")
         import colour  # noqa: PLC0415
-    return colour.RGB_COLOURSPACES["sRGB"].cctf_encoding
+    return colour

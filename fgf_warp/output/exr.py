@@ -19,6 +19,7 @@
 | ``scatterings.Y`` | `Aov.SCATTERINGS` |
 | ``direct.R`` ``.G`` ``.B`` | `Aov.DIRECT` |
 | ``indirect.R`` ``.G`` ``.B`` | `Aov.INDIRECT` |
+| ``denoised.R`` ``.G`` ``.B`` | `Aov.DENOISED` |
 
 The string attribute ``fgf:parameters`` is one JSON object, `RenderResult.provenance`; EXR has no attribute type
 that keeps nested parameters in double precision.
@@ -55,6 +56,7 @@ AOV_CHANNELS: dict[Aov, tuple[str, ...]] = {
     Aov.SCATTERINGS: ("scatterings.Y",),
     Aov.DIRECT: ("direct.R", "direct.G", "direct.B"),
     Aov.INDIRECT: ("indirect.R", "indirect.G", "indirect.B"),
+    Aov.DENOISED: ("denoised.R", "denoised.G", "denoised.B"),
 }
 
 

@@ -34,7 +34,9 @@ SHORTEST_FLIGHT = 1e-9
 LARGEST_EXPONENT = 23.0
 """Of E = -ln xi of float32 numbers."""
 NODES_PER_UNIT = 32
-"""Of the table of flights."""
+"""Of the table of flights. A flight takes as long from a table of a quarter or of four times as many: the time is 0.97
+and 0.99 of that with these, medians of nine renders. u is then wrong by 1e-2 or 4e-6 at most in place of 3e-4 (H = 0.7,
+near the end of the law), and the table is made in 15 or 75 ms in place of 30. So it is no setting."""
 BISECTIONS = 60
 LARGEST_SHIFT = 40.0
 """Of ln u, between the exact and the asymptotic variance."""

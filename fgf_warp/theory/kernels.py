@@ -16,6 +16,8 @@ from numpy.typing import ArrayLike
 SERIES_TERMS = 20
 """Of the series in z = y / (2 + y) <= 1/3: (1/9)^20 is below double precision."""
 FIT_DEGREE = 13
+"""With 5 a render of sphere takes 0.99 of the time, and with 27 1.02 of it, while ln u is wrong by up to 3e-3 and 9e-5
+in place of 1e-4. So it is no setting."""
 FIT_NODES = 200
 FIT_LARGEST_Q = 40.0
 """Of q = ln kappa + b ln E, with kappa up to 1e8 and E from 6e-8 to 23."""

@@ -19,11 +19,10 @@ from typing import Literal
 from numpy.typing import ArrayLike
 
 from fgf_warp.theory import fbm, kernels
+from fgf_warp.theory.choices import LINE_VARIANCES, LineVariance
 
 Regime = Literal["exponential", "white", "pink", "negative", "fbm", "kfbm"]
 LawKind = Literal["exponential", "power", "fractional", "exact_fbm"]
-LineVariance = Literal["asymptotic", "exact"]
-LINE_VARIANCES: tuple[LineVariance, ...] = ("asymptotic", "exact")
 
 REGIME_NAMES: dict[Regime, str] = {
     "exponential": "classical exponential",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from fgf_warp.errors import CorruptFileError
 from generators.checking.findings import Finding, Kind
@@ -78,7 +78,7 @@ def _differences(record: Record, index: int, meta: PlanMeta, images: tuple[str, 
     yield from _unreached(record, meta.quality)
 
 
-def _unreached(record: Record, quality: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+def _unreached(record: Record, quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """A render ends at the samples per pixel that were planned, unless an error or a time ended it before."""
     most = quality.get("spp")
     if most is not None and record.spp > most:
@@ -86,10 +86,11 @@ def _unreached(record: Record, quality: Mapping[str, float]) -> Iterator[tuple[s
     if "time" in quality or most is None or record.spp >= most:
         return
     target = quality.get("target_error")
+    reached = record.standard_error if record.reached_error is None else record.reached_error
     if target is None:
         yield f"{record.spp} samples per pixel", f"{most:g}, as planned"
-    elif record.standard_error > target:
-        yield f"standard error {record.standard_error:.4g} at {record.spp} samples per pixel", f"at most {target:g}"
+    elif reached > target:
+        yield f"standard error {reached:.4g} at {record.spp} samples per pixel", f"at most {target:g}"
 
 
 def read_note(dataset: Dataset, name: str, decode: Callable[[bytes, str], Note]) -> Note | str:

@@ -54,6 +54,18 @@ def check_choice(option: str, value: str, accepted: Iterable[str]) -> None:
         raise ConfigError(f"{option} {value}: accepted: {', '.join(accepted)}")
 
 
+def parse_share(option: str, text: str) -> float:
+    """A share such as 0.01 or 1%.
+
+    Raises:
+        ConfigError: naming the option, for what is no number.
+    """
+    try:
+        return float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+    except ValueError as error:
+        raise ConfigError(f"{option} {text}: accepted: a share such as 0.01 or 1%") from error
+
+
 def start_warp(device: str) -> None:
     """Starts Warp without its banner and sees that the device is there."""
     import warp as wp  # noqa: PLC0415

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -53,7 +54,8 @@ class PlanMeta:
         aovs: planes beside radiance and alpha.
         png: whether there is an 8-bit view of each sample.
         exposure: of these views [stop].
-        quality: what bounds each sample's render: one or more of ``spp``, ``target_error`` and ``time``.
+        quality: what bounds each sample's render: ``spp``, which is the most with a ``target_error`` or a ``time``, and
+            ``error_over`` where the target is not that of the mean over blocks of pixels.
         targets: the extra targets asked for, by name, with their settings.
         device: kind of device, ``cpu`` or ``cuda``: they round differently.
         description: a sentence of the author's.
@@ -72,11 +74,16 @@ class PlanMeta:
     aovs: tuple[str, ...] = ()
     png: bool = True
     exposure: float = 0.0
-    quality: dict[str, float] = field(default_factory=dict)
+    quality: dict[str, Any] = field(default_factory=dict)
     targets: dict[str, Any] = field(default_factory=dict)
     device: str = "cpu"
     description: str = ""
     license: str = ""
+
+
+def is_open(quality: Mapping[str, Any]) -> bool:
+    """Whether the samples per pixel follow from an error or a time."""
+    return "target_error" in quality or "time" in quality
 
 
 def write_plan(meta: PlanMeta, samples: pa.Table) -> bytes:

@@ -35,12 +35,13 @@ class Record:
         index: of the sample.
         plan: digest of the plan.
         spp: samples per pixel.
-        standard_error: mean relative standard error of the pixels.
+        standard_error: mean relative standard error of the blocks of pixels.
         truncated: paths cut at the bound on their length.
         nonfinite: samples that were not finite; a complete sample has none.
         statistics: of the image, by name; see `generators.publishing.statistics`.
         targets: the extra targets, by name: numbers or lists of numbers.
         files: the sample's other files, but for the timing, by name.
+        reached_error: the error over what the config's ``error_over`` says; None where that is the mean.
     """
 
     index: int
@@ -52,6 +53,7 @@ class Record:
     statistics: Mapping[str, float] = field(default_factory=dict)
     targets: Mapping[str, Any] = field(default_factory=dict)
     files: Mapping[str, FileEntry] = field(default_factory=dict)
+    reached_error: float | None = None
 
 
 @dataclass(frozen=True)
@@ -92,8 +94,11 @@ def file_entry(content: bytes) -> FileEntry:
 
 
 def encode(value: Record | Timing | Failure) -> bytes:
-    """As JSON, equal for equal values, with a hash of itself: nothing else tells whether a number in it has changed."""
-    content = asdict(value)
+    """As JSON, equal for equal values, with a hash of itself: nothing else tells whether a number in it has changed.
+
+    What is None is left out.
+    """
+    content = {name: entry for name, entry in asdict(value).items() if entry is not None}
     return _as_json({**content, OWN_HASH: hashlib.sha256(_as_json(content)).hexdigest()})
 
 

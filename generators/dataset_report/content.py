@@ -18,7 +18,7 @@ from generators.publishing.words import describe_quality
 
 DIGITS = 6
 """Significant digits of the numbers on the page."""
-REACHED = ("render_seconds", "standard_error", "spp", "truncated")
+REACHED = ("render_seconds", "standard_error", "reached_error", "spp", "truncated")
 MAIN_STATISTICS = ("luminance_mean", "luminance_std", "luminance_p99", "alpha_mean", "gradient_energy", "structure_4")
 """What the page shows at once; the others are below them on demand."""
 NOT_SHOWN = frozenset({STATUS, SPLIT, EXR, PNG, "config_hash", "nonfinite"})

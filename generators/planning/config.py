@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import re
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from fgf_warp.result import OVER
 from fgf_warp.settings import PRESETS, SEED_MAX, Aov, RenderSettings
 from generators.dataset.layout import SPLITS
 from generators.planning.axes import AxisConfig, Count, GridConfig, Model
@@ -27,6 +29,7 @@ AovName = Literal[
     "scatterings",
     "direct",
     "indirect",
+    "denoised",
 ]
 Share = Annotated[float, Field(ge=0, le=1)]
 EXPOSURE_MAX = 32.0
@@ -48,16 +51,22 @@ class QualityConfig(Model):
     """When a sample is good enough, in place of a fixed number of samples per pixel."""
 
     target_error: Annotated[float, Field(gt=0, lt=1)] | None = None
-    """Mean relative standard error of the pixels at which a sample is done, in (0, 1)."""
+    """Relative standard error of the image at which a sample is done, in (0, 1)."""
+    error_over: str | None = None
+    """Over its blocks of 8 x 8 pixels, of which: mean, rms, or a percentile such as p95; the mean where absent."""
     time: Annotated[float, Field(gt=0)] | None = None
     """Wall time of one sample [s], > 0; such a dataset is not the same twice."""
-    max_spp: Count = PRESETS["reference"].spp
-    """Samples per pixel that none exceeds."""
+    max_spp: Annotated[int, Field(ge=4)] = PRESETS["reference"].spp
+    """Samples per pixel on average that none exceeds, >= 4, which are needed to tell the error."""
 
     @model_validator(mode="after")
     def _check_bound(self) -> QualityConfig:
         if self.target_error is None and self.time is None:
             raise PydanticCustomError("quality_bound", "target_error, time, or both")
+        if self.error_over is not None and self.target_error is None:
+            raise PydanticCustomError("quality_over", "error_over together with target_error, of which it says more")
+        if self.error_over is not None and not re.fullmatch(OVER, self.error_over):
+            raise PydanticCustomError("quality_over", "error_over: mean, rms, or a percentile from p1 to p99")
         return self
 
 
@@ -172,11 +181,12 @@ class SweepConfig(Model):
     """Folder or URL of the dataset; datasets/NAME where absent."""
 
     @property
-    def bounds(self) -> dict[str, float]:
-        """What bounds each sample's render: ``spp``, and ``target_error`` and ``time`` where asked for."""
+    def bounds(self) -> dict[str, Any]:
+        """What bounds each sample's render, see `generators.dataset.plan_table.PlanMeta.quality`."""
         if self.quality is None:
             return {"spp": self.spp or PRESETS[self.preset].spp}
-        asked = {"target_error": self.quality.target_error, "time": self.quality.time}
+        over = None if self.quality.error_over == "mean" else self.quality.error_over
+        asked = {"target_error": self.quality.target_error, "error_over": over, "time": self.quality.time}
         return {"spp": self.quality.max_spp, **{name: value for name, value in asked.items() if value is not None}}
 
     def render_settings(self, width: int, height: int, device: str) -> RenderSettings:

@@ -6,10 +6,10 @@ import copy
 import difflib
 import io
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
@@ -31,6 +31,8 @@ from generators.planning.config import (
 Keys = tuple[int | str, ...]
 """Where a value is in a document."""
 
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
 MODELS: dict[Keys, type[BaseModel]] = {
     (): SweepConfig,
     ("image",): ImageConfig,
@@ -40,7 +42,7 @@ MODELS: dict[Keys, type[BaseModel]] = {
     ("targets",): TargetsConfig,
     ("targets", "transmittance"): GridConfig,
 }
-"""What may have which keys; all else is an axis."""
+"""What may have which keys in the config of a dataset; all else is an axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,15 +113,67 @@ def load_config(path: Path, overrides: Sequence[str] = ()) -> LoadedConfig:
     Raises:
         ConfigError: in one line: file, line and key (or the override), what was found, what is accepted.
     """
-    document = _read_document(path)
+    document = read_document(path, SweepConfig)
+    config, overridden = validate_document(document, path, SweepConfig, _model_at, overrides)
+    return LoadedConfig(config, path, document, overridden)
+
+
+def read_document(path: Path, model: type[BaseModel]) -> CommentedMap:
+    """Reads a YAML file.
+
+    Args:
+        path: of the file.
+        model: what is expected in it, for the message.
+
+    Raises:
+        ConfigError: where it cannot be read, is not valid YAML, or no mapping.
+    """
+    try:
+        document = YAML().load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: is not a text file in UTF-8") from error
+    except MarkedYAMLError as error:
+        line = f":{error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise ConfigError(f"{path}{line}: not valid YAML: {error.problem}") from error
+    except YAMLError as error:
+        raise ConfigError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(document, CommentedMap):
+        keys = ", ".join(model.model_fields)
+        raise ConfigError(f"{path}: found {shown(document)}; accepted: a mapping with the keys {keys}")
+    return document
+
+
+def validate_document(
+    document: CommentedMap,
+    path: Path,
+    model: type[ModelT],
+    model_at: Callable[[Keys], type[BaseModel]],
+    overrides: Sequence[str] = (),
+) -> tuple[ModelT, dict[Keys, str]]:
+    """Puts overrides into a document, and checks it.
+
+    Args:
+        document: of `read_document`; the overrides change it.
+        path: where it came from, for messages.
+        model: what it must be.
+        model_at: what is expected at a place in it, for messages.
+        overrides: each ``key.key=value``, the value in YAML; they take the place of what the document says.
+
+    Returns:
+        The model, and the overrides by the keys of what they set.
+
+    Raises:
+        ConfigError: in one line: file, line and key (or the override), what was found, what is accepted.
+    """
     overridden: dict[Keys, str] = {}
     for override in overrides:
         overridden[_apply_override(document, override)] = override
     try:
-        config = SweepConfig.model_validate(_plain(document))
+        return model.model_validate(_plain(document)), overridden
     except ValidationError as error:
-        raise ConfigError(_explain(error.errors()[0], path, document, overridden)) from error
-    return LoadedConfig(config, path, document, overridden)
+        raise ConfigError(_explain(error.errors()[0], path, document, overridden, model_at)) from error
 
 
 def nearest(found: str, names: Iterable[str]) -> str:
@@ -136,22 +190,8 @@ def shown(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _read_document(path: Path) -> CommentedMap:
-    try:
-        document = YAML().load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: is not a text file in UTF-8") from error
-    except MarkedYAMLError as error:
-        line = f":{error.problem_mark.line + 1}" if error.problem_mark else ""
-        raise ConfigError(f"{path}{line}: not valid YAML: {error.problem}") from error
-    except YAMLError as error:
-        raise ConfigError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
-    if not isinstance(document, CommentedMap):
-        keys = ", ".join(SweepConfig.model_fields)
-        raise ConfigError(f"{path}: found {shown(document)}; accepted: a mapping with the keys {keys}")
-    return document
+def _model_at(keys: Keys) -> type[BaseModel]:
+    return MODELS.get(keys, AxisConfig)
 
 
 def _apply_override(document: CommentedMap, override: str) -> Keys:
@@ -185,12 +225,18 @@ def _plain(node: Any) -> Any:
     return node
 
 
-def _explain(error: ErrorDetails, path: Path, document: CommentedMap, overridden: Mapping[Keys, str]) -> str:
+def _explain(
+    error: ErrorDetails,
+    path: Path,
+    document: CommentedMap,
+    overridden: Mapping[Keys, str],
+    model_at: Callable[[Keys], type[BaseModel]],
+) -> str:
     """One line that says where, what was found, and what is accepted."""
     keys = _keys_in(document, error["loc"])
     where = f"{_origin(keys, path, document, overridden)}: {_dotted(error['loc'], keys)}"
     if error["type"] == "extra_forbidden":
-        names = tuple(MODELS.get(keys[:-1], AxisConfig).model_fields)
+        names = tuple(model_at(keys[:-1]).model_fields)
         return f"{where}: unknown key; {nearest(str(keys[-1]), names)}accepted: {', '.join(names)}"
     if error["type"] == "missing" and isinstance(error["loc"][-1], str):
         return f"{where}: this key is missing"

@@ -77,7 +77,8 @@ class Column:
 RESULTS = (
     Column(STATUS, pa.string(), "complete; failed where the render was given up, missing where it is still to come"),
     Column("spp", pa.int64(), "samples per pixel that were reached"),
-    Column("standard_error", pa.float64(), "mean relative standard error of the pixels"),
+    Column("standard_error", pa.float64(), "relative standard error of blocks of 8 x 8 pixels, on the mean"),
+    Column("reached_error", pa.float64(), "the same over what the config asks for: rms or a percentile of the blocks"),
     Column("truncated", pa.int64(), "paths cut at the bound on their length, of all pixels"),
     Column("nonfinite", pa.int64(), "samples of the image that were not finite; a complete one has none"),
     Column("render_seconds", pa.float64(), "wall time of the render; differs from run to run", "s"),
@@ -100,7 +101,8 @@ def columns_of(dataset: Dataset, records: Iterable[Record]) -> tuple[Column, ...
         records: of its complete samples.
     """
     records = tuple(records)
-    reached, files = RESULTS[:-3], RESULTS[-3:]
+    left_out = () if "error_over" in dataset.meta.quality else ("reached_error",)
+    reached, files = [column for column in RESULTS[:-3] if column.name not in left_out], RESULTS[-3:]
     statistics = _names(STATISTICS, (record.statistics for record in records))
     return (
         *_planned(dataset),

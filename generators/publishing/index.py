@@ -46,6 +46,7 @@ def _reached(record: Record, timing: Timing, folder: str, *, png: bool) -> Mappi
         STATUS: COMPLETE,
         "spp": record.spp,
         "standard_error": record.standard_error,
+        "reached_error": record.reached_error,
         "truncated": record.truncated,
         "nonfinite": record.nonfinite,
         "render_seconds": timing.render_seconds,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from generators.dataset.plan_table import PlanMeta
+from generators.dataset.plan_table import PlanMeta, is_open
 
 DOI = "10.1145/3306346.3323031"
 CITATION = (
@@ -21,10 +21,11 @@ def describe(meta: PlanMeta) -> str:
 
 
 def describe_quality(meta: PlanMeta) -> str:
-    """What bounds each sample's render: ``64 spp``, or ``relative error 2 %, at most 4096 spp``."""
+    """What bounds each sample's render: ``64 spp``, or ``relative error 2 % (p95), at most 4096 spp``."""
+    over = f" ({meta.quality['error_over']})" if "error_over" in meta.quality else ""
     bounds = {
-        "target_error": lambda value: f"relative error {100 * value:g} %",
+        "target_error": lambda value: f"relative error {100 * value:g} %{over}",
         "time": lambda value: f"{value:g} s",
-        "spp": lambda value: f"{'at most ' if len(meta.quality) > 1 else ''}{value:g} spp",
+        "spp": lambda value: f"{'at most ' if is_open(meta.quality) else ''}{value:g} spp",
     }
     return ", ".join(words(meta.quality[name]) for name, words in bounds.items() if name in meta.quality)

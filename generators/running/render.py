@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import closing
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,15 +20,16 @@ from fgf_warp.output.exr import write_exr
 from fgf_warp.result import RenderResult
 from fgf_warp.settings import GIB
 from generators.dataset import layout
+from generators.dataset.plan_table import is_open
 from generators.dataset.record import Record, Timing, encode, file_entry
 from generators.dataset.store import Store
 from generators.publishing.statistics import image_statistics
 from generators.publishing.targets import compute_targets
 from generators.running.messages import Chunk, Finished
-from generators.running.quality import Quality
 
 if TYPE_CHECKING:
-    from fgf_warp.renderer import Model
+    from fgf_warp.convergence import Goal
+    from fgf_warp.renderer import Model, Progress
     from generators.planning.plan import Plan, Sample
 
 Share = Callable[[float], None]
@@ -43,7 +43,7 @@ class Way:
     Args:
         threads: that render, and as many that write; None takes every core.
         repairs: whether a sample takes the place of one that is there.
-        spp: samples per pixel, by index, in place of the plan's quality.
+        spp: samples per pixel, by index, at which samples end that are rendered to an error or in a time.
     """
 
     threads: int | None = None
@@ -95,66 +95,66 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _quality(plan: Plan, way: Way, sample: Sample) -> Quality:
+def _goal(plan: Plan, way: Way, sample: Sample) -> Goal | None:
+    """None where the number of samples per pixel is planned."""
+    quality = plan.meta.quality
+    if not is_open(quality):
+        return None
+    from fgf_warp.convergence import Goal  # noqa: PLC0415 - starts Warp
+
     if way.spp is not None and sample.index in way.spp:
-        return Quality(way.spp[sample.index])
-    return Quality.from_bounds(plan.settings.spp, plan.meta.quality)
+        # Where each pixel's samples go follows from their number in all.
+        return Goal(max_spp=way.spp[sample.index])
+    return Goal(
+        error=quality.get("target_error"),
+        over=quality.get("error_over", "mean"),
+        time=quality.get("time"),
+        max_spp=quality["spp"],
+    )
 
 
 def _groups(plan: Plan, samples: Sequence[Sample], way: Way) -> Iterator[list[Sample]]:
-    """Successive samples that may share a batch: with a time budget each alone, since the time is that of one image."""
-
-    def key(sample: Sample) -> tuple[object, ...]:
-        quality = _quality(plan, way, sample)
-        return plan.group_key(sample), quality, sample.index if quality.time is not None else None
-
-    for _, group in groupby(samples, key):
+    """Successive samples that may share a batch."""
+    for _, group in groupby(samples, lambda sample: (plan.group_key(sample), _goal(plan, way, sample))):
         yield list(group)
 
 
 def _render_group(
     plan: Plan, group: Sequence[Sample], way: Way, share: Share
 ) -> Iterator[tuple[Sample, RenderResult | NumericalError]]:
-    from fgf_warp.renderer import Variant, batches  # noqa: PLC0415 - starts Warp
+    from fgf_warp.convergence import FIRST_SPP, converge, halved_batches  # noqa: PLC0415 - starts Warp
+    from fgf_warp.finishing import as_rendered, finish  # noqa: PLC0415
+    from fgf_warp.renderer import Variant, batches  # noqa: PLC0415
 
-    settings, quality = replace(plan.settings, threads=way.threads or cores()), _quality(plan, way, group[0])
+    asked, goal = replace(plan.settings, threads=way.threads or cores()), _goal(plan, way, group[0])
+    scene, settings = as_rendered(plan.scene_of(group[0]), asked)
     variants = [Variant(plan.media_of(sample), sample.seed) for sample in group]
     begun = 0
-    for model in batches(plan.scene_of(group[0]), variants, settings):
+    for model in batches(scene, variants, settings) if goal is None else halved_batches(scene, variants, settings):
+        images = len(model.variants) if goal is None else len(model.variants) // 2
+        # How much an error needs is known after the first round.
+        first_round = 0 if goal is None else FIRST_SPP * images * settings.width * settings.height
+
+        def show(done: int, total: int, begun: int = begun, images: int = images, first: int = first_round) -> None:
+            if total > first:
+                share(begun + images * done / total)
+
         # In a function, so that the films of a batch are gone before the next are made.
-        for image, result in _render_batch(model, quality, partial(_add, share, begun)):
-            yield group[begun + image], result
-        begun += len(model.variants)
+        rendered = _render_batch(model, show) if goal is None else converge(model, goal, show)
+        for image, result in rendered:
+            yield group[begun + image], result if isinstance(result, NumericalError) else finish(result, asked)
+        begun += images
 
 
-def _add(share: Share, begun: int, part: float) -> None:
-    share(begun + part)
-
-
-def _render_batch(model: Model, quality: Quality, share: Share) -> Iterator[tuple[int, RenderResult | NumericalError]]:
-    """Renders in rounds; an image that is good enough takes no part in the next one."""
+def _render_batch(model: Model, progress: Progress) -> Iterator[tuple[int, RenderResult | NumericalError]]:
     from fgf_warp.renderer import advance, begin, develop  # noqa: PLC0415
 
-    state, images, samples = begin(model), list(range(len(model.variants))), quality.next_round(0, 0.0)
-    while images:
-        count, finished = len(images), len(model.variants) - len(images)
-        unfinished: list[int] = []
-
-        def progress(done: int, total: int, count: int = count, finished: int = finished) -> None:
-            share(finished + count * done / total)
-
-        for image in advance(model, state, samples, progress, images):
-            try:
-                result = develop(model, state, image)
-            except NumericalError as error:
-                yield image, error
-                continue
-            if quality.is_reached(result):
-                yield image, result
-            else:
-                unfinished.append(image)
-                samples = quality.next_round(result.samples, result.seconds)
-        images = unfinished
+    state = begin(model)
+    for image in advance(model, state, model.settings.spp, progress, range(len(model.variants))):
+        try:
+            yield image, develop(model, state, image)
+        except NumericalError as error:
+            yield image, error
 
 
 class _Writer:
@@ -202,12 +202,13 @@ class _Writer:
 
     def _write(self, sample: Sample, result: RenderResult) -> Finished:
         started = time.perf_counter()
-        files = encode_images(self._plan, sample, result)
+        files, over = encode_images(self._plan, sample, result), self._plan.meta.quality.get("error_over")
         record = Record(
             index=sample.index,
             plan=self._plan.meta.digest,
             spp=result.samples,
             standard_error=result.relative_standard_error,
+            reached_error=None if over is None else result.relative_error(over),
             truncated=result.truncated_count,
             nonfinite=0,
             statistics=image_statistics(result),

@@ -15,7 +15,9 @@ import pyarrow.parquet as pq
 
 from fgf_warp import __version__
 from fgf_warp.errors import ConfigError, FgfError, OutputError
+from fgf_warp.settings import Aov
 from generators.dataset import layout
+from generators.dataset.plan_table import is_open
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Failure, encode
 from generators.dataset.store import Store
@@ -144,13 +146,16 @@ def generate(
 
     Raises:
         ConfigError: where there is something else at this location, where another run is under way on these samples,
-            or where the settings' memory does not hold one image.
+            where the settings' memory does not hold one image, or where a denoiser is asked for and not installed.
         OutputError: where a file cannot be written. What is finished stays.
         CorruptFileError: where a record of the dataset cannot be read.
     """
+    from fgf_warp.output.denoise import check_denoiser  # noqa: PLC0415
     from fgf_warp.renderer import check_memory  # noqa: PLC0415 - starts Warp
 
-    check_memory(plan.settings)
+    check_memory(plan.settings, images=2 if is_open(plan.meta.quality) else 1)
+    if Aov.DENOISED in plan.settings.aovs:
+        check_denoiser()
     started = time.perf_counter()
     store, shard, workers = Store(os.fspath(location)), shard or Shard(), workers or Workers()
     with opened(plan, config, store, shard) as indices, EventLog(store, layout.events(shard.suffix)) as log:

@@ -3,15 +3,18 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import fgf_warp.finishing
+import fgf_warp.output.denoise
 import fgf_warp.renderer
 import usd_scenes.reader
 from fgf_warp.errors import NumericalError, OutputError
 from fgf_warp.features import explain
 from fgf_warp.output.exr import read_exr
-from fgf_warp.settings import Aov, RenderSettings, Sampler
+from fgf_warp.settings import RENDERED_AOVS, Aov, RenderSettings, Sampler
 from generators.cli import app
 from generators.dataset.reader import Dataset
 from generators.dataset.store import Store
@@ -435,6 +438,27 @@ def test_generate_makes_a_dataset(tmp_path, config_path, fake_renderer):
     assert len(fake_renderer) == 3
 
 
+def test_generate_makes_denoised_planes(tmp_path, config_path, fake_renderer, monkeypatch):
+    for module in (fgf_warp.finishing, fgf_warp.output.denoise):
+        monkeypatch.setattr(module, "check_denoiser", lambda: None)
+    monkeypatch.setattr(fgf_warp.finishing, "denoiser_version", lambda: "0")
+    monkeypatch.setattr(fgf_warp.finishing, "denoise", lambda radiance, albedo, normal: radiance / 2)
+    asked = ("--set", "axes.H=[-0.3]", "--set", "aovs=[denoised]")
+    outcome = fgf("generate", config_path, "--out", tmp_path / "data", *asked)
+    assert outcome.exit_code == 0, outcome.output
+    channels, _ = read_exr(tmp_path / "data" / "data" / "train" / "000000" / "radiance.exr")
+    assert set(channels) == {"R", "G", "B", "A", "denoised.R", "denoised.G", "denoised.B"}
+    assert np.array_equal(channels["denoised.G"], channels["G"] / 2)
+    assert fgf("verify", tmp_path / "data", "--deep").exit_code == 0
+
+
+def test_generate_refuses_planes_of_a_denoiser_that_is_not_there(tmp_path, config_path, fake_renderer, monkeypatch):
+    monkeypatch.setattr(fgf_warp.output.denoise, "find_spec", lambda name: None)
+    outcome = fgf("generate", config_path, "--out", tmp_path / "data", "--set", "aovs=[denoised]")
+    assert_refused(outcome, "accepted: pip install 'fgf-warp[denoise]'")
+    assert fake_renderer == []
+
+
 def test_generate_goes_on_with_another_memory(tmp_path, config_path, fake_renderer, monkeypatch):
     asked = set()
 
@@ -652,6 +676,6 @@ def test_help_imports_nothing_slow():
 
 
 def test_every_aov_has_channels(tmp_path, stage, fake_renderer):
-    for aov in Aov:
+    for aov in RENDERED_AOVS:
         outcome = fgf("render", stage, "-o", tmp_path / f"{aov}.exr", "--aov", aov, "-w", 2, "--spp", 1)
         assert outcome.exit_code == 0, outcome.output

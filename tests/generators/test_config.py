@@ -67,7 +67,10 @@ BASE = "name: a\nscene: s.usda\n"
         ("splits: {train: 0.5, test: 0.4}\n", "splits: found .* add up to 1"),
         ("splits: {train: 1, by: [H]}\n", "splits.by: 'H' is no axis"),
         ("spp: 4\nquality: {time: 1}\n", "config.yaml:4: quality: both this and spp"),
-        ("quality: {max_spp: 1}\n", "quality: found .* accepted: target_error, time, or both"),
+        ("quality: {max_spp: 8}\n", "quality: found .* accepted: target_error, time, or both"),
+        ("quality: {time: 1, error_over: rms}\n", "quality: .* accepted: error_over together with target_error"),
+        ("quality: {target_error: 0.1, error_over: p100}\n", "quality: .* accepted: error_over: mean, rms, or a perc"),
+        ("quality: {time: 1, max_spp: 3}\n", "quality.max_spp: found 3; accepted: .*4"),
         ("quality: {target_eror: 1}\n", r"quality.target_eror: unknown key; did you mean target_error\?"),
         ("quality: {target_error: 0}\n", "quality.target_error: found 0; accepted: greater than 0"),
         ("targets: {transmittance: [-1]}\n", "targets: found .* lengths >= 0"),
@@ -175,6 +178,8 @@ def test_quality_bounds_each_sample():
     open_ended = SweepConfig.model_validate({"name": "a", "quality": {"target_error": 0.02, "max_spp": 99}})
     assert open_ended.bounds == {"spp": 99, "target_error": 0.02}
     assert open_ended.render_settings(4, 4, "cpu").spp == 99
+    asked = {"target_error": 0.02, "max_spp": 99, "error_over": "p95"}
+    assert SweepConfig.model_validate({"name": "a", "quality": asked}).bounds["error_over"] == "p95"
 
 
 def test_config_in_force_is_kept_with_comments_and_works_from_its_new_place(tmp_path, write_config):

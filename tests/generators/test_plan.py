@@ -166,7 +166,7 @@ def test_everything_that_changes_files_changes_the_digest(plan_of):
         plan_of(furnace(fills_view=False), **common),
         plan_of(axes={"H": [-0.5, -0.26]}),
         plan_of(axes={"H": {"values": [-0.5, -0.25]}, "transport": ["mixed"]}),
-        plan_of(**common, spp=None, quality={"time": 2.0, "max_spp": 2}),
+        plan_of(**common, spp=None, quality={"time": 2.0, "max_spp": 4}),
         plan_of(**common, targets={"mean_free_path": True}),
         plan_of(**common, splits={"train": 0.5, "test": 0.5}),
         plan_of(**common, orbit={"distance": 3.0}),

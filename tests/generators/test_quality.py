@@ -3,57 +3,21 @@
 from dataclasses import replace
 
 import numpy as np
+import pyarrow.parquet as pq
+import pytest
 
-import fgf_warp.renderer
-from fgf_warp.renderer import Variant, advance, begin, build_model, develop, step
-from fgf_warp.settings import Aov
+from fgf_warp.convergence import FIRST_SPP
+from fgf_warp.errors import ConfigError
+from fgf_warp.renderer import Variant, advance, begin, build_model, develop, image_bytes, step
+from fgf_warp.settings import GIB
+from generators.checking.verify import verify_dataset
 from generators.dataset.reader import Dataset
 from generators.dataset.store import Store
-from generators.running.quality import Quality
+from generators.publishing.words import describe_quality
+from generators.running.messages import Chunk
+from generators.running.render import Way, render_chunk
 from generators.running.run import generate, render_again
 from tests.generators.small_plan import TEXT, content, small_plan
-from tests.renders import made_up_render
-
-
-def rounds(quality, seconds_per_sample=0.0, stop=None):
-    """Totals of successive rounds."""
-    totals, done = [], 0
-    while (more := quality.next_round(done, done * seconds_per_sample)) and done != stop:
-        done += more
-        totals.append(done)
-    return totals
-
-
-def test_a_fixed_number_of_samples_is_one_round():
-    assert rounds(Quality(1000)) == [1000]
-
-
-def test_rounds_double_up_to_the_most():
-    assert rounds(Quality(100, target_error=0.01)) == [16, 32, 64, 100]
-    assert rounds(Quality(10, target_error=0.01)) == [10]
-
-
-def test_a_time_budget_is_spent_and_not_much_more():
-    # Of 1 ms a sample: 100 samples, after a first round that is made in any case.
-    assert rounds(Quality(1000, time=0.1), 1e-3) == [16, 32, 64, 100]
-    assert rounds(Quality(80, time=0.1), 1e-3) == [16, 32, 64, 80]
-    assert rounds(Quality(1000, time=0.001), 1e-3) == [16]
-
-
-def test_both_bounds_hold():
-    quality = Quality(1000, target_error=0.01, time=0.1)
-    result = replace(made_up_render(small_settings()), samples=32, seconds=0.05)
-    assert result.relative_standard_error > 0.01
-    assert not quality.is_reached(result)
-    assert quality.is_reached(replace(result, seconds=0.1))
-    assert quality.is_reached(replace(result, variance=result.variance * 0))
-    assert Quality(32, target_error=0.01).is_reached(result)
-
-
-def small_settings():
-    from fgf_warp.settings import RenderSettings
-
-    return RenderSettings(width=8, height=8, aovs=frozenset({Aov.VARIANCE}))
 
 
 def test_images_of_a_batch_may_go_on_alone(tmp_path):
@@ -67,37 +31,40 @@ def test_images_of_a_batch_may_go_on_alone(tmp_path):
     assert list(advance(model, apart, 8, images=[2, 0])) == [2, 0]
     assert list(advance(model, apart, 8, images=[])) == []
     assert [set(samples.flat) for samples in apart.samples] == [{12}, {4}, {12}]
-    assert apart.seconds[1] < apart.seconds[0]
+    assert all(apart.seconds > 0)
     for image in (0, 2):
         a, b = develop(model, together, image), develop(model, apart, image)
         np.testing.assert_array_equal(a.radiance, b.radiance)
         np.testing.assert_array_equal(a.variance, b.variance)
 
 
-def test_samples_end_at_their_target_and_can_be_made_again(tmp_path):
+@pytest.mark.parametrize("over", ["mean", "p95"])
+def test_samples_end_at_their_target_and_can_be_made_again(tmp_path, over):
     # The darker the medium, the sooner it is known.
     plan = small_plan(
-        tmp_path, "axes={H: [-0.25], albedo: [0, 0.5, 1]}", "spp=", "quality={target_error: 0.03, max_spp: 128}"
+        tmp_path,
+        "axes={H: [-0.25], albedo: [0, 0.5, 1]}",
+        "spp=",
+        f"quality={{target_error: 0.02, error_over: {over}, max_spp: 512}}",
     )
     generate(plan, TEXT, tmp_path / "data")
     dataset = Dataset(tmp_path / "data")
     records = dataset.records(range(3))
-    spp = {record.index: record.spp for record in records}
-    assert set(spp.values()) <= {16, 32, 64, 128}
-    assert len(set(spp.values())) > 1
-    assert all(record.standard_error <= 0.03 or record.spp == 128 for record in records)
-    # One round less was not enough.
-    for index, count in spp.items():
-        if count > 16:
-            fewer = fgf_warp.renderer.render(
-                plan.scene_of(plan.samples[index]).with_media(plan.media_of(plan.samples[index])),
-                replace(plan.settings, spp=count // 2, seed=plan.samples[index].seed),
-            )
-            assert fewer.relative_standard_error > 0.03
+    reached = [record.standard_error if over == "mean" else record.reached_error for record in records]
+    assert all(error <= 0.02 or record.spp == 512 for error, record in zip(reached, records, strict=True))
+    # It is not by chance that they end there.
+    assert max(reached) > 0.01
+    assert len({record.spp for record in records}) > 1
+    labels = pq.read_table(tmp_path / "data" / "index.parquet")
+    assert ("reached_error" in labels.column_names) == (over != "mean")
+    if over != "mean":
+        assert labels["reached_error"].to_pylist() == reached
+        assert describe_quality(plan.meta) == "relative error 2 % (p95), at most 512 spp"
+    assert not verify_dataset(dataset).findings
     before = content(tmp_path / "data")
     for index in range(3):
         Store(tmp_path / "data").remove(dataset.folders[index])
-    list(render_again(plan, Store(tmp_path / "data"), range(3), spp))
+    list(render_again(plan, Store(tmp_path / "data"), range(3), {record.index: record.spp for record in records}))
     assert content(tmp_path / "data") == before
 
 
@@ -107,6 +74,24 @@ def test_samples_with_a_time_budget_say_how_far_they_came(tmp_path):
     dataset = Dataset(tmp_path / "data")
     before = content(tmp_path / "data")
     records = dataset.records(range(2))
-    assert all(16 <= record.spp < 100000 for record in records)
+    assert all(FIRST_SPP <= record.spp < 100000 for record in records)
     list(render_again(plan, Store(tmp_path / "data"), [0, 1], {record.index: record.spp for record in records}))
     assert content(tmp_path / "data") == before
+
+
+def test_progress_counts_samples_over_the_batches_of_a_chunk(tmp_path):
+    plan = small_plan(tmp_path, "spp=", "quality={target_error: 0.05, max_spp: 256}")
+    # Two images of two halves at once.
+    plan = replace(plan, settings=replace(plan.settings, memory=4.5 * image_bytes(plan.settings) / GIB))
+    shares = []
+    finished = list(render_chunk(plan, Store(tmp_path / "data"), Chunk(tuple(range(6))), Way(), shares.append))
+    assert len(finished) == 6
+    assert 0 < min(shares) < max(shares) <= 6
+    assert max(shares) > 4
+
+
+def test_a_goal_needs_the_memory_of_two_halves(tmp_path):
+    plan = small_plan(tmp_path, "spp=", "quality={target_error: 0.05}")
+    plan = replace(plan, settings=replace(plan.settings, memory=1.5 * image_bytes(plan.settings) / GIB))
+    with pytest.raises(ConfigError, match="a batch of 2 images"):
+        generate(plan, TEXT, tmp_path / "data")

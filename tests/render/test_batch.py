@@ -10,7 +10,7 @@ from fgf_warp.errors import ConfigError
 from fgf_warp.features import required_features
 from fgf_warp.integrator import build_program
 from fgf_warp.renderer import Variant, batches, image_bytes, render, render_batch
-from fgf_warp.settings import GIB, Aov, RenderSettings
+from fgf_warp.settings import GIB, RENDERED_AOVS, RenderSettings
 from tests import stats
 from tests.grid import REGIMES
 from tests.render.test_render import full_scene, same
@@ -55,7 +55,7 @@ def test_means_of_256_images_are_those_of_independent_renders(regime):
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_an_image_of_a_batch_is_to_the_bit_that_of_a_single_render(threads):
-    scene, settings = full_scene(), replace(SETTINGS, spp=5, aovs=frozenset(Aov), threads=threads)
+    scene, settings = full_scene(), replace(SETTINGS, spp=5, aovs=RENDERED_AOVS, threads=threads)
     rng = np.random.default_rng(2)
     variants = [
         Variant(own, 7 * k)
@@ -81,7 +81,7 @@ def test_a_batch_holds_as_much_as_the_memory_and_one_kernel():
 
 def test_the_memory_that_an_image_is_said_to_need_is_what_it_takes(monkeypatch):
     """Its films are counted as they are, down to the byte."""
-    settings = replace(SETTINGS, aovs=frozenset(Aov))
+    settings = replace(SETTINGS, aovs=RENDERED_AOVS)
     monkeypatch.setattr(renderer, "DEVELOPING_BYTES", 0)
     monkeypatch.setattr(renderer, "PLANE_BYTES", 0)
     state = renderer.begin(renderer.build_model(furnace(), settings))

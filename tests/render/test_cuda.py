@@ -9,7 +9,7 @@ from fgf_warp.features import required_features
 from fgf_warp.integrator import build_program
 from fgf_warp.renderer import render
 from fgf_warp.scene import Mesh
-from fgf_warp.settings import Aov, RenderSettings
+from fgf_warp.settings import RENDERED_AOVS, RenderSettings
 from tests import stats
 from tests.grid import REGIMES
 from tests.render.test_instances import example
@@ -18,7 +18,7 @@ from tests.render.test_render import full_scene
 from tests.scenes import furnace
 
 HOPPER = 90
-SETTINGS = RenderSettings(width=64, height=64, spp=256, aovs=frozenset(Aov))
+SETTINGS = RenderSettings(width=64, height=64, spp=256, aovs=RENDERED_AOVS)
 
 
 def mesh_scene():

@@ -11,7 +11,7 @@ import warp as wp
 from fgf_warp import renderer
 from fgf_warp.integrator import Counts, Round
 from fgf_warp.renderer import begin, build_model, develop, step
-from fgf_warp.settings import Aov, RenderSettings
+from fgf_warp.settings import RENDERED_AOVS, Aov, RenderSettings
 from tests.grid import REGIMES
 from tests.render.test_instances import example
 from tests.render.test_lights import INTRICATE, block_under
@@ -102,7 +102,7 @@ def through_a_lens(scene):
 )
 def test_both_drivers_render_the_same_picture(make):
     """The driver of CUDA, run on the CPU: from the same random numbers, up to the order of sums."""
-    model = build_model(make(), replace(SETTINGS, spp=8, aovs=frozenset(Aov)))
+    model = build_model(make(), replace(SETTINGS, spp=8, aovs=RENDERED_AOVS))
     pool, threads = begin(model), begin(model)
     step(model, pool, 8)
     launch_threads(model, threads)

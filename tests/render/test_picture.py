@@ -7,13 +7,13 @@ import pytest
 
 from fgf_warp.renderer import render
 from fgf_warp.scene import AreaLight, DomeLight, Medium, Mesh, Scene, Solid, Surface
-from fgf_warp.settings import Aov, RenderSettings
+from fgf_warp.settings import RENDERED_AOVS, Aov, RenderSettings
 from fgf_warp.theory import kernels
 from tests import stats
 from tests.render.test_media import BOX, CORNERS
 from tests.scenes import camera, furnace, transform
 
-SETTINGS = RenderSettings(width=64, height=48, spp=64, aovs=frozenset(Aov))
+SETTINGS = RenderSettings(width=64, height=48, spp=64, aovs=RENDERED_AOVS)
 COLORS = {(1, 1): (0.8, 0.1, 0.1), (-1, 1): (0.1, 0.8, 0.1), (1, -1): (0.1, 0.1, 0.8)}
 """Diffuse colours by the side, right and up, on which a ball stands; the lower left stays empty."""
 

@@ -9,13 +9,13 @@ import pytest
 
 from fgf_warp.renderer import render
 from fgf_warp.scene import Camera, DistantLight, DomeLight, Medium, Scene, Solid, Surface
-from fgf_warp.settings import USUAL_AOVS, Aov, RenderSettings
+from fgf_warp.settings import RENDERED_AOVS, USUAL_AOVS, Aov, RenderSettings
 from generators.planning.config import AovName
 from tests import stats
 from tests.scenes import transform
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
-ALL = RenderSettings(width=32, height=32, spp=64, seed=4, aovs=frozenset(Aov))
+ALL = RenderSettings(width=32, height=32, spp=64, seed=4, aovs=RENDERED_AOVS)
 SUN = DistantLight("/sun", (0.0, 0.0, -1.0), 0.2, WHITE)
 THIN = Medium("/thin", 0.01, (0.5, 0.5, 0.5))
 

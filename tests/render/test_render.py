@@ -11,12 +11,12 @@ from fgf_warp.features import required_features
 from fgf_warp.integrator import build_program
 from fgf_warp.renderer import begin, build_model, check_device, develop, render, step
 from fgf_warp.scene import AreaLight, Solid, Surface
-from fgf_warp.settings import Aov, RenderSettings
+from fgf_warp.settings import RENDERED_AOVS, Aov, RenderSettings
 from tests import stats
 from tests.grid import REGIMES
 from tests.scenes import furnace, transform
 
-SETTINGS = RenderSettings(width=40, height=24, spp=24, seed=3, aovs=frozenset(Aov))
+SETTINGS = RenderSettings(width=40, height=24, spp=24, seed=3, aovs=RENDERED_AOVS)
 
 
 def full_scene():
@@ -67,7 +67,7 @@ def test_progress_reaches_the_end():
 
 @pytest.mark.parametrize("regime", ["exponential", "pink", "fbm"])
 @pytest.mark.parametrize(
-    "added", [{"meshes": True}, {"surfaces": True}, {"aovs": frozenset(Aov)}], ids=["meshes", "surfaces", "aovs"]
+    "added", [{"meshes": True}, {"surfaces": True}, {"aovs": RENDERED_AOVS}], ids=["meshes", "surfaces", "aovs"]
 )
 def test_features_that_a_scene_does_not_need_do_not_change_a_pixel(regime, added, monkeypatch):
     scene = furnace(albedo=(0.9, 0.8, 0.7), asymmetry=0.3, **REGIMES[regime])
@@ -76,7 +76,7 @@ def test_features_that_a_scene_does_not_need_do_not_change_a_pixel(regime, added
     require(added, scene, settings, monkeypatch)
     if "aovs" in added:
         # The film must then hold the planes that the kernel writes.
-        settings = replace(settings, aovs=frozenset(Aov))
+        settings = replace(settings, aovs=RENDERED_AOVS)
     assert np.allclose(render(scene, settings).radiance, lean.radiance, rtol=1e-4, atol=0)
 
 

@@ -1,0 +1,386 @@
+"""`fgf render`: images of a stage."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, cast
+
+import typer
+
+from fgf_warp.errors import ConfigError
+from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
+from fgf_warp.theory.choices import LINE_VARIANCES, TRANSPORTS, LineVariance, Transport
+from generators.commands.common import (
+    EXIT_PARTIAL,
+    Device,
+    Memory,
+    check_choice,
+    fail,
+    parse_share,
+    progress_bar,
+    start_warp,
+    warn,
+)
+from generators.wish import AUTO, FORMS, Wish
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from fgf_warp.convergence import Goal
+    from fgf_warp.features import Reason
+    from fgf_warp.result import RenderResult
+    from fgf_warp.scene import Scene
+    from generators.pictures import Picture
+    from usd_scenes.reader import Frame
+
+
+def render(
+    stage: Annotated[Path, typer.Argument(metavar="STAGE", help="The USD file.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="OUT.exr",
+            help="The image to write; of several frames with #### for their number. "
+            "Default: as the stage's RenderProducts say.",
+        ),
+    ] = None,
+    camera: Annotated[
+        str | None,
+        typer.Option("--camera", "-cam", metavar="PATH", help="Camera; default: the render settings', or the first."),
+    ] = None,
+    width: Annotated[
+        int | None, typer.Option("--imageWidth", "-w", metavar="N", help="[pixel]; default: as the stage says, or 960.")
+    ] = None,
+    height: Annotated[
+        int | None, typer.Option("--imageHeight", metavar="N", help="[pixel]; default: from the aspect ratio.")
+    ] = None,
+    spp: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Samples per pixel, in place of the preset's; with --targetError or --time the most on average.",
+        ),
+    ] = None,
+    target_error: Annotated[
+        str | None,
+        typer.Option(
+            "--targetError",
+            "--target-error",
+            metavar="ERROR",
+            help="Render until the relative standard error of the image is this, such as 0.01 or 1%.",
+        ),
+    ] = None,
+    error_over: Annotated[
+        str | None,
+        typer.Option(
+            "--errorOver",
+            metavar="HOW",
+            help="Over its blocks of 8 x 8 pixels, of which: mean, rms, or a percentile such as p95; default: mean.",
+        ),
+    ] = None,
+    time: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="Render so long at most, beside building the kernel and denoising."),
+    ] = None,
+    preset: Annotated[
+        str,
+        typer.Option(help=f"{', '.join(PRESETS)}; or the cheapest settings for an error or a time: auto:1%, auto:5s."),
+    ] = "balanced",
+    seed: Annotated[int, typer.Option(metavar="N", help="Equal seeds give equal pixels.")] = 0,
+    max_depth: Annotated[
+        int | None,
+        typer.Option(
+            "--maxDepth",
+            metavar="N",
+            help="Scattering events after which a path is cut, in place of the preset's; 1 is single scattering only.",
+        ),
+    ] = None,
+    similarity_order: Annotated[
+        int | None,
+        typer.Option(
+            "--similarityOrder",
+            metavar="N",
+            help="Scattering events after which a path sees the similar medium that scatters evenly; default: never.",
+        ),
+    ] = None,
+    transport: Annotated[
+        str | None, typer.Option(help=f"Of all media, in place of their own: {', '.join(TRANSPORTS)}.")
+    ] = None,
+    line_variance: Annotated[
+        str | None,
+        typer.Option("--lineVariance", help=f"Of all media, in place of their own: {', '.join(LINE_VARIANCES)}."),
+    ] = None,
+    upscale: Annotated[
+        int, typer.Option(metavar="N", help="Render one of so many pixels each way, and enlarge the picture.")
+    ] = 1,
+    sampler: Annotated[
+        str, typer.Option(help="lattice: less noise than the reported error says; independent: as much as it says.")
+    ] = Sampler.LATTICE.value,
+    device: Device = "cpu",
+    memory: Memory = RenderSettings.memory,
+    frames: Annotated[
+        str | None,
+        typer.Option(
+            "--frames",
+            "--frame",
+            "-f",
+            metavar="SPEC",
+            help="Frames: 7, 1:24, 1:24x2 or 101,105:110; default: the stage's start, or the earliest.",
+        ),
+    ] = None,
+    default_time: Annotated[
+        bool, typer.Option("--defaultTime", "-d", help="Take attributes' default values, not those of a frame.")
+    ] = False,
+    purposes: Annotated[
+        str | None,
+        typer.Option(
+            "--purposes",
+            "-p",
+            metavar="LIST",
+            help="Purposes of the geometry to include beside default, with commas; default: as the stage says, or "
+            "render.",
+        ),
+    ] = None,
+    complexity: Annotated[
+        str, typer.Option("--complexity", "-c", help="Subdivision of surfaces: low, medium, high or veryhigh.")
+    ] = "high",
+    render_settings: Annotated[
+        str | None,
+        typer.Option(
+            "--renderSettingsPrimPath",
+            "-rs",
+            metavar="PATH",
+            help="RenderSettings; default: those that the stage names, or the first.",
+        ),
+    ] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Refuse a stage of which something is missing, such as a texture.")
+    ] = False,
+    png: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Write an sRGB view too.")] = None,
+    aov: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help=f"Only these planes, repeatable: {', '.join(Aov)}; default: as the stage's RenderVars say, or those "
+            "up to prim_id.",
+        ),
+    ] = None,
+    denoise: Annotated[
+        bool,
+        typer.Option("--denoise", help="Add the plane denoised, which the PNG then shows; needs the extra denoise."),
+    ] = False,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Say what the kernel is built for and why, and render nothing.")
+    ] = False,
+) -> None:
+    """Render a stage: one image, or one for each frame.
+
+    \b
+    Example:
+      fgf render usd_scenes/stages/cloud_block.usda -o cloud.exr --imageWidth 480 --spp 64 --png cloud.png
+      fgf render shot.usd -o shot.####.exr --frames 101:124 --camera main_cam
+    """  # noqa: D301
+    from fgf_warp.output.atomic import check_writable  # noqa: PLC0415
+    from generators.stage import load_scene  # noqa: PLC0415
+    from usd_scenes.reader import COMPLEXITIES, OpenStages  # noqa: PLC0415
+
+    aovs = _choose_aovs(aov)
+    given = {"--spp": spp, "--targetError": target_error, "--errorOver": error_over, "--time": time}
+    wish = _choose_wish(preset, {**given, "--maxDepth": max_depth, "--upscale": None if upscale == 1 else upscale})
+    depths = PRESETS["balanced" if wish else preset]
+    check_choice("--sampler", sampler, Sampler)
+    if transport is not None:
+        check_choice("--transport", transport, TRANSPORTS)
+    if line_variance is not None:
+        check_choice("--lineVariance", line_variance, LINE_VARIANCES)
+    check_choice("--complexity", complexity, COMPLEXITIES)
+    goal = _choose_goal(target_error, error_over, time, spp)
+    times = _choose_frames(frames, default_time=default_time)
+    warned: set[str] = set()
+
+    def load(frame: Frame | None, product: str | None) -> tuple[Scene, RenderSettings]:
+        base = load_scene(
+            stage,
+            camera=camera,
+            frame=frame,
+            purposes=None if purposes is None else ["default", *purposes.split(",")],
+            complexity=complexity,
+            strict=strict,
+            render_settings=render_settings,
+            product=product,
+            width=width,
+            height=height,
+        )
+        planes = next(planes for planes in (aovs, base.aovs, USUAL_AOVS) if planes is not None)
+        settings = RenderSettings(
+            width=base.width,
+            height=base.height,
+            spp=depths.spp if spp is None else spp,
+            seed=seed,
+            max_depth=depths.max_depth if max_depth is None else max_depth,
+            roulette_depth=depths.roulette_depth,
+            similarity_order=similarity_order,
+            aovs=planes | {Aov.DENOISED} if denoise else planes,
+            sampler=Sampler(sampler),
+            transport=cast("Transport | None", transport),
+            line_variance=cast("LineVariance | None", line_variance),
+            upscale=upscale,
+            device=device,
+            memory=memory,
+        )
+        warn([warning for warning in base.warnings if warning not in warned])
+        warned.update(base.warnings)
+        return base.scene, settings
+
+    with OpenStages():
+        if explain:
+            from fgf_warp.features import explain as explain_kernel  # noqa: PLC0415
+            from fgf_warp.finishing import as_rendered  # noqa: PLC0415 - starts Warp
+
+            _print_reasons(explain_kernel(*as_rendered(*load(times[0], None))))
+            return
+        from generators.pictures import plan_pictures  # noqa: PLC0415
+
+        pictures, warnings = plan_pictures(stage, times, output, png, render_settings)
+        for picture in pictures:
+            for file in picture.files:
+                check_writable(file)
+        warn(warnings)
+        start_warp(device)
+        for done, picture in enumerate(pictures):
+            try:
+                _render_picture(picture, *load(picture.frame, picture.product), goal, wish)
+            except KeyboardInterrupt:
+                fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
+
+
+def _choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | None]:
+    """The times to render; None is where the stage starts."""
+    if spec is None:
+        return ["default" if default_time else None]
+    if default_time:
+        raise ConfigError("--defaultTime and --frames exclude each other; accepted: one of them")
+    from generators.pictures import parse_frames  # noqa: PLC0415
+
+    return parse_frames(spec)
+
+
+def _choose_wish(preset: str, others: dict[str, object]) -> Wish | None:
+    """None for settings that have a name; options that say the same as a wish, or take a choice away, are refused."""
+    if not preset.startswith(AUTO):
+        check_choice("--preset", preset, [*PRESETS, FORMS])
+        return None
+    wish = Wish.parse(preset)
+    for option, value in others.items():
+        if value is not None:
+            raise ConfigError(f"{option}: is chosen by --preset {preset}; accepted: one of them")
+    return wish
+
+
+def _choose_settings(scene: Scene, settings: RenderSettings, wish: Wish) -> tuple[RenderSettings, Goal]:
+    """Says what it chose and why."""
+    from generators.auto import choose  # noqa: PLC0415 - starts Warp
+    from generators.tradeoff.front import read_front  # noqa: PLC0415
+
+    with progress_bar(counted=False) as progress:
+        progress.add_task("choosing the settings", total=None)
+        choice = choose(scene, settings, wish, read_front())
+    for line in choice.lines:
+        typer.echo(line)
+    return choice.settings, choice.goal
+
+
+def _render_picture(
+    picture: Picture, scene: Scene, settings: RenderSettings, goal: Goal | None, wish: Wish | None
+) -> None:
+    """Renders one image and writes its files, each whole or not at all."""
+    from fgf_warp.convergence import FIRST_SPP  # noqa: PLC0415 - starts Warp
+    from fgf_warp.finishing import as_rendered, render_image  # noqa: PLC0415
+    from fgf_warp.output.color import write_png  # noqa: PLC0415
+    from fgf_warp.output.exr import write_exr  # noqa: PLC0415
+    from fgf_warp.renderer import check_memory, prepare  # noqa: PLC0415
+
+    check_memory(settings)
+    if wish is not None:
+        settings, goal = _choose_settings(scene, settings, wish)
+    with progress_bar(counted=False) as progress:
+        task = progress.add_task("building the kernel", total=None)
+        plain, asked = as_rendered(scene, settings)
+        prepare(plain, asked)
+
+        def show(done: int, total: int) -> None:
+            # How much is needed for a goal is known after the first round.
+            is_known = goal is None or total > FIRST_SPP * asked.width * asked.height
+            expected = total if is_known else None
+            progress.update(task, description=f"rendering {picture.exr.name}", completed=done, total=expected)
+
+        result = render_image(scene, settings, goal, show)
+    write_exr(picture.exr, result)
+    if picture.png:
+        write_png(picture.png, result.aovs.get(Aov.DENOISED, result.radiance))
+    _print_render(result, goal, picture.files, is_chosen=wish is not None)
+
+
+def _choose_goal(target_error: str | None, error_over: str | None, time: float | None, spp: int | None) -> Goal | None:
+    """None where the number of samples per pixel is given beforehand."""
+    if error_over is not None and target_error is None:
+        raise ConfigError("--errorOver is of the error that --targetError asks for, which is missing")
+    if target_error is None and time is None:
+        return None
+    from fgf_warp.convergence import MAX_SPP, Goal  # noqa: PLC0415 - starts Warp
+
+    return Goal(
+        error=None if target_error is None else parse_share("--targetError", target_error),
+        over=error_over or "mean",
+        time=time,
+        max_spp=MAX_SPP if spp is None else spp,
+    )
+
+
+def _choose_aovs(names: list[str] | None) -> frozenset[Aov] | None:
+    """None where nothing is asked for."""
+    if not names:
+        return None
+    unknown = [name for name in names if name not in list(Aov)]
+    if unknown:
+        raise ConfigError(f"--aov {unknown[0]}: accepted: {', '.join(Aov)}")
+    return frozenset(Aov(name) for name in names)
+
+
+def _print_render(result: RenderResult, goal: Goal | None, files: Sequence[Path], *, is_chosen: bool) -> None:
+    over = "mean" if goal is None else goal.over
+    typer.echo(
+        f"{result.seconds:.2f} s, {result.samples_per_second:.4g} samples/s, {result.samples} samples per pixel, "
+        f"{over} relative standard error {result.relative_error(over):.2%}"
+    )
+    if goal is not None and not is_chosen:
+        typer.echo(f"ended by {_ended_by(result, goal)}")
+    if result.truncated_count:
+        share = result.truncated_count / result.path_count
+        warn(
+            [
+                f"{result.truncated_count} paths ({share:.2g} of all) were cut after {result.settings.max_depth} "
+                "scattering events, so the image is a little too dark; a higher --preset cuts later"
+            ]
+        )
+    for file in files:
+        typer.echo(f"wrote {file}")
+
+
+def _ended_by(result: RenderResult, goal: Goal) -> str:
+    """The bound that was met first."""
+    if goal.is_met_by(result):
+        return f"--targetError {goal.error:.4g}"
+    return f"--spp {goal.max_spp}" if goal.time is None or result.samples >= goal.max_spp else f"--time {goal.time:g}"
+
+
+def _print_reasons(reasons: Sequence[Reason]) -> None:
+    from rich.console import Console  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+
+    table = Table("part", "in the kernel", "why")
+    for reason in reasons:
+        table.add_row(reason.part, "yes" if reason.built else "-", reason.why)
+    Console(markup=False, highlight=False).print(table)
