@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from fgf_warp.errors import ConfigError, NumericalError
 from fgf_warp.renderer import Model, Progress, State, Variant, advance, batches, begin, develop
@@ -345,5 +346,12 @@ def _fill(densities: np.ndarray, sizes: np.ndarray, mean: float, least: float) -
 def _density(half: RenderResult) -> np.ndarray:
     """(rows, columns) samples of the blocks that help a half most, over their mean."""
     errors, _ = block_errors(half.radiance, half.variance)
+    # Where the pilot saw no noise, it may have missed the edge of what is next to it.
+    errors = np.where(errors > 0, errors, _largest_around(errors))
     mean = float(np.average(errors, weights=block_sizes(half.alpha.shape)))
     return EVEN_SHARE + (1 - EVEN_SHARE) * (errors / mean if mean > 0 else np.ones_like(errors))
+
+
+def _largest_around(values: np.ndarray) -> np.ndarray:
+    """Of each value and its up to eight neighbours, the largest."""
+    return sliding_window_view(np.pad(values, 1), (3, 3)).max(axis=(2, 3))
