@@ -198,13 +198,11 @@ def test_settings_are_chosen_and_keep_the_error():
 
 
 def test_datasets_choose_for_each_sample_and_can_be_made_again(tmp_path, monkeypatch):
-    scene = load_scene(STAGE, width=16, height=16).scene
-    features = choose_features(scene, RenderSettings(width=16, height=16))
-    measured = front(pair("ball", [rung("depth 32", 0.5, max_depth=32)], **{**features, "regime": "pink", "H": -0.25}))
+    measured = front(pair("ball", [rung("depth 32", 0.5, max_depth=32)], g=0.8))
     for module in ("generators.planning.plan", "generators.running.render"):
         monkeypatch.setattr(f"{module}.read_front", lambda: measured)
-    # Of white noise nothing was measured.
-    plan = small_plan(tmp_path, "preset=auto:5%", "spp=", "axes={H: [-0.25, -0.5], S_w: [1]}")
+    # The second medium is far from what was measured.
+    plan = small_plan(tmp_path, "preset=auto:5%", "spp=", "axes={g: [0.8, -0.8], H: [-0.25]}")
     assert describe_quality(plan.meta).endswith("(rms), at most 65536 spp, settings chosen for each sample")
     generate(plan, TEXT, tmp_path / "data")
     dataset = Dataset(tmp_path / "data")
