@@ -21,7 +21,7 @@ from generators.cli import app
 from generators.tradeoff import measure as measuring
 from generators.tradeoff import run
 from generators.tradeoff.config import LADDER, MediumConfig, RungConfig, load_tradeoff, variations
-from generators.tradeoff.front import BASE, Front, read_front, write_front
+from generators.tradeoff.front import BASE, Front, Rung, read_front, write_front
 from generators.tradeoff.metrics import bright_blocks, compare, relative_standard_error, relative_weights
 from generators.tradeoff.reference import default_cache, reference_settings, render_reference
 from tests.browser import CHROMIUM, Page
@@ -266,7 +266,8 @@ def test_the_front_that_is_shipped_can_be_read():
 
 
 def test_a_rung_tells_what_it_needs_for_an_error():
-    rung = replace(read_front().pairs[0].rung(BASE), spp=100, seconds=2.0, noise=0.04, bias_rms=0.5)
+    numbers = dict.fromkeys((field.name for field in dataclasses.fields(Rung)), 0.0)
+    rung = Rung(**numbers | {"settings": {}, "spp": 100, "seconds": 2.0, "noise": 0.04, "bias_rms": 0.5})
     assert rung.is_unbiased
     assert rung.spp_for(0.02) == pytest.approx(400)
     assert rung.seconds_for(0.02) == pytest.approx(8.0)
@@ -364,6 +365,15 @@ def test_without_an_extra_nothing_is_begun(command, fake_renderer, tmp_path, mon
     assert "pip install 'fgf-warp[" in answer.stderr
     assert not fake_renderer
     assert not (tmp_path / "out").exists()
+
+
+@needs_flip
+@pytest.mark.parametrize("option", ["--out", "--cache"])
+def test_a_folder_that_cannot_be_is_told_first(command, fake_renderer, tmp_path, option):
+    answer = command(option, str(tmp_path / "trial.yaml" / "folder"))
+    assert answer.exit_code == 2
+    assert "cannot be made" in answer.stderr
+    assert not fake_renderer
 
 
 @pytest.fixture(scope="module")
