@@ -256,12 +256,12 @@ def test_the_front_that_is_shipped_can_be_read():
         assert base.settings == {}
         assert base.spp == BALANCED.spp
         assert base.efficiency == 1.0
+        assert base.relative_rmse > 3 * pair.reference.relative_standard_error
         assert any(rung.pareto for rung in pair.rungs)
         assert {"optical_depth", "scatterings", "regime", "H", "g", "albedo"} <= set(pair.features)
         for rung in pair.rungs:
             assert rung.bias_low <= rung.bias <= rung.bias_high
             assert rung.relative_rmse**2 == pytest.approx(rung.noise**2 + rung.bias_rms**2)
-            assert rung.relative_rmse > 2 * pair.reference.relative_standard_error
             assert rung.bias_rms <= rung.bias_rms_high
 
 
