@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from fgf_warp.convergence import PILOT_SPP
+from fgf_warp.result import block_errors, error_over
 from tests.benchmarks import scenes
 from tests.benchmarks.agreement import (
     Agreement,
@@ -32,6 +34,8 @@ PARTS = (*scenes.SINGLE, "S", "laws", "limit")
 SWEEP_IMAGES = 256
 THREADS = 2
 """For wall times."""
+REFERENCE_SHARE = 4
+"""Renders in a reference of S, each of so many times its samples."""
 
 TARGETS = {"A": 10.0, "B": 5.0, "C": 1.2, "S": 10.0}
 """Ratios of CPU time per path that are aimed at, against Mitsuba's llvm variant."""
@@ -39,9 +43,14 @@ SCALAR_TARGET = 35.0
 THREADS_TARGET = 1.8
 MEMORY_TARGET = 2**30
 EQUAL_ERROR = 0.01
-"""RMSE, relative to the image's mean, to which equal-error times are scaled."""
+"""Relative, to which equal-error times are scaled."""
+ERROR_TARGETS = {"A": 12.0, "B": 6.0, "S": 12.0}
+"""Ratios of equal-error times that are aimed at, against Mitsuba's llvm variant."""
+ADAPTIVE_TARGET = 1.3
+ADAPTIVE_RENDERS = 8
+"""On either side, whose spread is their error."""
 
-SPEED, ERROR, LAW, LIMIT = "Speed", "Equal error", "Laws", "Limit"
+SPEED, ERROR, ADAPTIVE, LAW, LIMIT = "Speed", "Equal error", "Adaptive", "Laws", "Limit"
 """Parts of the report."""
 PHASE_ONLY = f"{CPU_VARIANT}, phase sampling only"
 """Where all light is a constant environment, this is the faster way for Mitsuba."""
@@ -65,16 +74,18 @@ class Effort:
         seconds: that one timing should take.
         sweep_step: every how manieth image of S is rendered.
         reference_seconds: for the reference of equal-error times.
+        adaptive_spp: samples per pixel of adaptive images, and of those that they are compared to.
     """
 
     repeats: int
     seconds: float
     sweep_step: int
     reference_seconds: float
+    adaptive_spp: int
 
 
-FULL = Effort(repeats=8, seconds=2.5, sweep_step=1, reference_seconds=20.0)
-QUICK = Effort(repeats=5, seconds=0.4, sweep_step=8, reference_seconds=4.0)
+FULL = Effort(repeats=8, seconds=2.5, sweep_step=1, reference_seconds=20.0, adaptive_spp=512)
+QUICK = Effort(repeats=5, seconds=0.4, sweep_step=8, reference_seconds=4.0, adaptive_spp=128)
 
 
 @dataclass(frozen=True)
@@ -209,13 +220,16 @@ class Benchmark:
         agreement = compare(every["ours"], every[CPU_VARIANT])
         self._compare(SPEED, name, f"wall time of two threads, {CPU_VARIANT}", *wall.values(), _wall, None, agreement)
         self._compare_threads(name, wall["ours"], runs["ours"])
-        self._equal_error(name, runs, spp["ours"])
+        self._equal_error(name, stage)
+        if name == "B":
+            self._adaptive(name)
 
     def sweep(self) -> None:
         """Scene S: batches that are each a fair sample of all its media."""
         ours, theirs, phase_only = self._side("ours, S"), self._side(CPU_VARIANT), self._side(PHASE_ONLY)
         stage = self._stage("S")
-        indices = list(range(0, SWEEP_IMAGES, self.effort.sweep_step))
+        # Shuffled, or the media of a batch would have much in common.
+        indices = np.random.default_rng(0).permutation(SWEEP_IMAGES)[:: self.effort.sweep_step].tolist()
         for side in (ours, theirs, phase_only):
             side.load("S", stage)
             side.sweep("S", indices[:2], scenes.SWEEP_SPP, seed=0, threads=1)  # Compiles.
@@ -237,6 +251,7 @@ class Benchmark:
         agreement = compare_pairs(*map(_images, wall.values()))
         self._compare(SPEED, "S", f"wall time of two threads, {CPU_VARIANT}", *wall.values(), _wall, None, agreement)
         self._compare_threads("S", wall["ours"], runs["ours"])
+        self._equal_error_of_sweep(stage, batches[: self._error_repeats])
         our_memory, their_memory = ours.peak_memory(), theirs.peak_memory()
         self.report.rows.append(
             Row(
@@ -333,30 +348,98 @@ class Benchmark:
             spp *= 2
         return spp
 
-    def _equal_error(self, name: str, runs: dict[str, list[Measured]], spp: int) -> None:
+    @property
+    def _error_repeats(self) -> int:
+        """Of equal-error timings: fewer, as the error makes the most of their spread."""
+        return max(2, self.effort.repeats // 2)
+
+    def _load_default(self, name: str, stage: Path, labels: Sequence[str]) -> tuple[str, dict[str, Side]]:
+        """The scene's key with the bounds of the default preset, and the sides that have it now."""
+        key, sides = f"{name}:default", {label: self._side(label) for label in labels}
+        for side in sides.values():
+            side.load(key, stage, bounds=scenes.DEFAULT)
+        return key, sides
+
+    def _equal_error(self, name: str, stage: Path) -> None:
         """Times until the image's RMSE is EQUAL_ERROR of its mean."""
+        labels = ["ours", CPU_VARIANT] + [PHASE_ONLY] * (name != "B")
+        key, sides = self._load_default(name, stage, labels)
+        spp = {label: self._choose_spp(side, key) for label, side in sides.items()}
+        runs: dict[str, list[Measured]] = {label: [] for label in labels}
+        for repeat in range(self._error_repeats):
+            for label, side in sides.items():
+                runs[label].append(side.render(key, spp[label], seed=5001 + repeat, threads=1))
+            self._say_speeds(f"{name}, default preset", repeat, runs, self._error_repeats)
         # Of seeds that no other render has; on all threads, each of which does what fills a timing.
         count = max(2, round(THREADS * self.effort.reference_seconds / self.effort.seconds))
-        self._say(f"  {name}: a reference of {count} renders of {spp} samples per pixel")
-        ours = self._side("ours")
-        known = _estimate([ours.render(name, spp, seed=10_001 + i, threads=THREADS) for i in range(count)])
+        self._say(f"  {name}: a reference of {count} renders of {spp['ours']} samples per pixel")
+        known = _estimate([sides["ours"].render(key, spp["ours"], 10_001 + i, THREADS) for i in range(count)])
         goal = (EQUAL_ERROR * known.mean.mean()) ** 2
         times: dict[str, list[float]] = {}
         for label, done in runs.items():
             error = statistics.mean(mean_squared_error(run.images[0], known) for run in done)
             times[label] = [run.cost.cpu_seconds * error / goal for run in done]
-        for label in list(runs)[1:]:
-            self.report.rows.append(
-                Row(
-                    ERROR,
-                    name,
-                    f"CPU time to an RMSE of {EQUAL_ERROR:.0%} of the mean, {label}",
-                    "s",
-                    times["ours"],
-                    times[label],
-                    agreement=compare(known, _estimate(runs[label])),
-                )
-            )
+        agreements = {label: compare(known, _estimate(runs[label])) for label in labels[1:]}
+        self._compare_errors(name, f"CPU time to an RMSE of {EQUAL_ERROR:.0%} of the mean", times, agreements)
+
+    def _equal_error_of_sweep(self, stage: Path, batches: Sequence[list[int]]) -> None:
+        """Times for all images of S until the RMSE over the mean is EQUAL_ERROR, as root mean square over them."""
+        key, sides = self._load_default("S", stage, ["ours, S", CPU_VARIANT, PHASE_ONLY])
+        runs: dict[str, list[Measured]] = {label: [] for label in sides}
+        for repeat, batch in enumerate(batches):
+            for label, side in sides.items():
+                runs[label].append(side.sweep(key, batch, scenes.SWEEP_SPP, seed=5001, threads=1))
+            self._say_speeds("S, default preset", repeat, runs, len(batches))
+        indices, spp = [index for batch in batches for index in batch], REFERENCE_SHARE * scenes.SWEEP_SPP
+        self._say(f"  S: a reference of {REFERENCE_SHARE} renders of {spp} samples per pixel of {len(indices)} images")
+        many = [
+            sides["ours, S"].sweep(key, indices, spp, seed=10_001 * (1 + i), threads=THREADS).images
+            for i in range(REFERENCE_SHARE)
+        ]
+        means = np.mean(many, axis=(0, 2, 3, 4), keepdims=True)[0]
+        known = estimate(np.stack(many) / means)
+        times: dict[str, list[float]] = {}
+        for label, done in runs.items():
+            error = mean_squared_error(_images(done) / means, known)
+            scale = error / EQUAL_ERROR**2 * SWEEP_IMAGES
+            times[label] = [run.cost.cpu_seconds * scale / len(run.images) for run in done]
+        ours = _images(runs["ours, S"])
+        agreements = {label: compare_pairs(ours, _images(runs[label])) for label in (CPU_VARIANT, PHASE_ONLY)}
+        what = f"CPU time of {SWEEP_IMAGES} images to an RMSE of {EQUAL_ERROR:.0%} of their means"
+        self._compare_errors("S", what, times, agreements)
+
+    def _compare_errors(
+        self, name: str, quantity: str, times: dict[str, list[float]], agreements: dict[str, Agreement]
+    ) -> None:
+        """Rows of the first label's times against those of the others."""
+        ours, *others = times
+        for label in others:
+            target = ERROR_TARGETS.get(name) if label == CPU_VARIANT else None
+            what = f"{quantity}, {label}"
+            self.report.rows.append(Row(ERROR, name, what, "s", times[ours], times[label], target, agreements[label]))
+
+    def _adaptive(self, name: str) -> None:
+        """Adaptive sampling against equally many samples for all pixels, both ours, at equal error."""
+        ours, key, spp = self._side("ours"), f"{name}:default", self.effort.adaptive_spp
+        ours.converge(key, PILOT_SPP, seed=0, threads=1)
+        adaptive: list[Measured] = []
+        uniform: list[Measured] = []
+        for repeat in range(ADAPTIVE_RENDERS):
+            adaptive.append(ours.converge(key, spp, seed=20_001 + repeat, threads=1))
+            uniform.append(ours.render(key, spp, seed=30_001 + repeat, threads=1))
+            self._say_speeds(f"{name}, {spp} spp", repeat, {"adaptive": adaptive, "uniform": uniform}, ADAPTIVE_RENDERS)
+        both = (adaptive, uniform)
+        agreement = compare(*map(_estimate, both))
+        errors = [_errors(_images(runs)) for runs in both]
+        for quantity in errors[0]:
+            times = [
+                [run.cost.cpu_seconds * (error[quantity] / EQUAL_ERROR) ** 2 for run in runs]
+                for runs, error in zip(both, errors, strict=True)
+            ]
+            target = ADAPTIVE_TARGET if quantity.endswith("rms over blocks") else None
+            note = f"at {spp} spp {errors[0][quantity]:.2%} against {errors[1][quantity]:.2%}"
+            what = f"CPU time to {EQUAL_ERROR:.0%} of {quantity}"
+            self.report.rows.append(Row(ADAPTIVE, name, what, "s", *times, target, agreement, note))
 
     def _matching_extinction(self, ours: Side, stage: Path, law: str, wanted: float) -> tuple[float, float]:
         """The sigma_m at which a law has the wanted mean number of scattering events, and that number, by secants."""
@@ -404,9 +487,9 @@ class Benchmark:
         label = "wall time, ours on two threads against one"
         self._compare(SPEED, scene, label, two, one, _wall, THREADS_TARGET, None, note)
 
-    def _say_speeds(self, name: str, repeat: int, runs: dict[str, list[Measured]]) -> None:
+    def _say_speeds(self, name: str, repeat: int, runs: dict[str, list[Measured]], repeats: int | None = None) -> None:
         speeds = ", ".join(f"{label} {1e3 / _cpu(done[-1]):.3g}" for label, done in runs.items())
-        self._say(f"  {name} {repeat + 1}/{self.effort.repeats}: million paths per CPU second: {speeds}")
+        self._say(f"  {name} {repeat + 1}/{repeats or self.effort.repeats}: million paths per CPU second: {speeds}")
 
 
 def _images(runs: Sequence[Measured]) -> np.ndarray:
@@ -415,6 +498,17 @@ def _images(runs: Sequence[Measured]) -> np.ndarray:
 
 def _estimate(runs: Sequence[Measured]) -> Estimate:
     return estimate(_images(runs))
+
+
+def _errors(images: np.ndarray) -> dict[str, float]:
+    """Of one of these independent renders, from their spread: relative to blocks of pixels, and to the image's mean."""
+    mean, variance = images.mean(axis=0, dtype=np.float64), images.var(axis=0, ddof=1, dtype=np.float64)
+    blocks = block_errors(mean, variance)
+    return {
+        "relative error, rms over blocks": error_over("rms", *blocks),
+        "relative error, mean over blocks": error_over("mean", *blocks),
+        "RMSE over the image's mean": float(np.sqrt(variance.mean()) / mean.mean()),
+    }
 
 
 def _cpu(run: Measured) -> float:

@@ -9,18 +9,21 @@ from typing import Any
 import numpy as np
 
 from fgf_warp.scene import AreaLight, Camera, DomeLight, Light, Medium, Mesh, Scene, Shape
-from tests.benchmarks.scenes import MAX_DEPTH, ROULETTE_DEPTH, Image
+from tests.benchmarks.scenes import Bounds, Image
 
 MI_CAMERA = np.diag([-1.0, 1.0, -1.0, 1.0])
 """Mitsuba's cameras look along +z, with +x to the left."""
 
 
-def to_mitsuba(scene: Scene, image: Image, folder: Path, *, emitter_sampling: bool = True) -> dict[str, Any]:
+def to_mitsuba(
+    scene: Scene, image: Image, bounds: Bounds, folder: Path, *, emitter_sampling: bool = True
+) -> dict[str, Any]:
     """The argument of `mitsuba.load_dict`.
 
     Args:
         scene: of media that do not overlap, with the camera outside of them.
         image: size of the picture.
+        bounds: of the paths.
         folder: for the files of meshes.
         emitter_sampling: False lets scattering events in media find the lights by the phase function only.
 
@@ -33,7 +36,7 @@ def to_mitsuba(scene: Scene, image: Image, folder: Path, *, emitter_sampling: bo
     return {
         "type": "scene",
         # Mitsuba's max_depth counts segments: a path of n scattering events has n + 1 of them.
-        "integrator": {"type": "volpath", "max_depth": MAX_DEPTH + 1, "rr_depth": ROULETTE_DEPTH},
+        "integrator": {"type": "volpath", "max_depth": bounds.max_depth + 1, "rr_depth": bounds.roulette_depth},
         "sensor": _sensor(scene.camera, image),
         **{f"shape{i}": shape for i, shape in enumerate(shapes)},
         **{f"light{i}": light for i, light in enumerate(lights)},

@@ -74,22 +74,23 @@ class Ours:
         import warp as wp
 
         wp.config.log_level = wp.LOG_WARNING
-        self._scenes: dict[str, tuple[scenes.Image, Scene]] = {}
+        self._scenes: dict[str, tuple[scenes.Image, Scene, scenes.Bounds]] = {}
 
-    def load(self, key: str, stage: Path, medium: Medium | None = None) -> None:
+    def load(self, key: str, stage: Path, medium: Medium | None = None, bounds: scenes.Bounds = scenes.SHORT) -> None:
         """Reads a stage and builds the kernel for it.
 
         Args:
             key: names it in the other calls; the part before a colon is the name of the scene.
             stage: its file.
             medium: replaces the stage's first.
+            bounds: of the paths.
         """
         from fgf_warp.renderer import prepare
 
         scene = scenes.read(stage)
         if medium is not None:
             scene = scenes.with_first_medium(scene, medium)
-        self._scenes[key] = scenes.IMAGES[key.partition(":")[0]], scene
+        self._scenes[key] = scenes.IMAGES[key.partition(":")[0]], scene, bounds
         prepare(scene, self._settings(key, 1, 0, 1))
 
     def render(self, key: str, spp: int, seed: int, threads: int) -> Measured:
@@ -101,6 +102,14 @@ class Ours:
             state = begin(model)
             step(model, state, spp)
             result = develop(model, state)
+        return Measured(cost, result.path_count, result.radiance[None])
+
+    def converge(self, key: str, spp: int, seed: int, threads: int) -> Measured:
+        """One image of so many samples per pixel on average, which go where they help."""
+        from fgf_warp.convergence import Goal, render_until
+
+        with measure() as cost:
+            result = render_until(self._scenes[key][1], self._settings(key, spp, seed, threads), Goal(max_spp=spp))
         return Measured(cost, result.path_count, result.radiance[None])
 
     def sweep(self, key: str, indices: list[int], spp: int, seed: int, threads: int) -> Measured:
@@ -128,7 +137,7 @@ class Ours:
         settings = self._settings(key, spp, seed, 1)
         result = render(self._scenes[key][1], settings)
         events = float(result.alpha.mean())
-        for depth in range(1, scenes.MAX_DEPTH):
+        for depth in range(1, settings.max_depth):
             result = render(self._scenes[key][1], replace(settings, seed=seed + depth, max_depth=depth))
             events += result.truncated_count / result.path_count
             if result.truncated_count == 0:
@@ -149,14 +158,14 @@ class Ours:
     def _settings(self, key: str, spp: int, seed: int, threads: int) -> Any:
         from fgf_warp.settings import RenderSettings
 
-        image = self._scenes[key][0]
+        image, _, bounds = self._scenes[key]
         return RenderSettings(
             width=image.width,
             height=image.height,
             spp=spp,
             seed=seed,
-            max_depth=scenes.MAX_DEPTH,
-            roulette_depth=scenes.ROULETTE_DEPTH,
+            max_depth=bounds.max_depth,
+            roulette_depth=bounds.roulette_depth,
             threads=threads,
         )
 
@@ -180,12 +189,12 @@ class Mitsuba:
         self._folder = tempfile.TemporaryDirectory()
         self._scenes: dict[str, _Loaded] = {}
 
-    def load(self, key: str, stage: Path) -> None:
+    def load(self, key: str, stage: Path, bounds: scenes.Bounds = scenes.SHORT) -> None:
         """Reads a stage with our reader and translates it; the first render compiles."""
         import mitsuba as mi
 
-        image = scenes.IMAGES[key]
-        found = to_mitsuba(scenes.read(stage), image, Path(self._folder.name), emitter_sampling=self._emitter_sampling)
+        image, folder = scenes.IMAGES[key.partition(":")[0]], Path(self._folder.name)
+        found = to_mitsuba(scenes.read(stage), image, bounds, folder, emitter_sampling=self._emitter_sampling)
         scene = mi.load_dict(found)
         self._scenes[key] = _Loaded(image, scene, mi.traverse(scene))
 

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks.benchmark import ERROR, LAW, LIMIT, SPEED, Report, Row
+from tests.benchmarks.benchmark import ADAPTIVE, ERROR, LAW, LIMIT, SPEED, Report, Row
 
 HEAD = """# Benchmarks
 
@@ -22,28 +22,37 @@ and compares the images.
 - C: a closed mesh of 70,224 triangles filled with the same medium, constant environment, 128x128.
 - S: 256 images of A, 64x64 at 64 spp, with different sigma_t, albedo and g.
 
-At most 64 scattering events, Russian roulette from 5. Times are medians over the repeats; a ratio is theirs over ours,
+Times per path are of at most 64 scattering events and Russian roulette from 5, times to an error of the default preset,
+of at most 1024 and 8, on both sides. Times are medians over the repeats; a ratio is theirs over ours,
 the median of the repeats, with the least and the largest in brackets. CPU time is that of one thread. Reading the
 scene, building trees and compiling are done before; setting the media of S is not. `max |z|` is the largest deviation
 between the images over the means of 8x8 blocks of pixels and of the whole image, in standard errors, and after it the
 limit, which chance exceeds in one of a thousand benchmarks. Wall times mean little where other work took the cores:
 the rows of two threads against one say how many were at work.
 
-Ours renders with its default sampler. Mitsuba renders with `volpath`, `max_depth` 65 (it counts segments), `rr_depth`
-5, box filter, independent sampler and no spectral extinction; in S one scene whose sigma_t, albedo and g are set as
-opaque values, so that nothing compiles again; 2^22 paths at once at most (from 2^18 to 2^22 its speed is the same). For
-two threads the llvm variant is given three, as one of them only hands out the work. *Phase sampling only* is the
-medium's `sample_emitters` off, which is the faster way for Mitsuba where all light is a constant environment, and of no
-use under a small light.
+Ours renders with its default sampler. Mitsuba renders with `volpath`, `max_depth` one larger (it counts segments), the
+same `rr_depth`, box filter, independent sampler and no spectral extinction; in S one scene whose sigma_t, albedo and g
+are set as opaque values, so that nothing compiles again; 2^22 paths at once at most (from 2^18 to 2^22 its speed is the
+same). For two threads the llvm variant is given three, as one of them only hands out the work. *Phase sampling only* is
+the medium's `sample_emitters` off, which is the faster way for Mitsuba where all light is a constant environment, and
+of no use under a small light.
 """
 
 PARTS = {
     SPEED: ("", "ours", "theirs"),
     ERROR: (
-        "CPU time until the error of the image, against a long render of ours, has the given size; scaled from the "
-        "renders above, as time x error^2 is a constant.",
+        "CPU time on one thread until the error of the image, against a long render of ours, has the given size; "
+        "scaled from that of renders of some seconds, as time x error^2 is a constant. Of S, whose images get equally "
+        "many samples, it is the root mean square over the images.",
         "ours",
         "theirs",
+    ),
+    ADAPTIVE: (
+        "Samples where they help against equally many everywhere, both ours, with the default preset on one thread. "
+        "Errors are from the spread of independent renders. Samples are given to what is relative to blocks of 8x8 "
+        "pixels, rms; where the absolute error counts, dark blocks get too many.",
+        "adaptive",
+        "uniform",
     ),
     LAW: (
         "The laws of correlated media against the exponential, in scene A, in reciprocal transport; sigma_m is chosen "

@@ -10,6 +10,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 
 from fgf_warp.scene import Medium, Scene
+from fgf_warp.settings import BALANCED
 from usd_scenes.authoring import author_fgf_medium
 from usd_scenes.library import build_mesh, build_sphere
 from usd_scenes.reader import read_scene
@@ -17,10 +18,25 @@ from usd_scenes.reader import read_scene
 SIGMA_T = 2.5
 ALBEDO = 0.8
 ASYMMETRY = 0.5
-MAX_DEPTH = 64
-"""Bound on the number of scattering events."""
-ROULETTE_DEPTH = 5
-"""Number of scattering events after which Russian roulette may end a path."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """On the number of scattering events of a path.
+
+    Args:
+        max_depth: at most.
+        roulette_depth: after which Russian roulette may end it.
+    """
+
+    max_depth: int
+    roulette_depth: int
+
+
+SHORT = Bounds(64, 5)
+"""Of times per path."""
+DEFAULT = Bounds(BALANCED.max_depth, BALANCED.roulette_depth)
+"""Of times to an error: those of the default preset."""
 
 
 @dataclass(frozen=True)
