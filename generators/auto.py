@@ -155,7 +155,7 @@ def list_candidates(pairs: Sequence[Pair], allowed: frozenset[str]) -> list[Cand
 
 
 def pick(candidates: Sequence[Candidate], wish: Wish, noise: float) -> Candidate:
-    """The best of them; `BASE`, which is the first, where no other is clearly better.
+    """The best of them; `BASE`, which is the first, or another without bias, where no other is clearly better.
 
     Args:
         candidates: of `list_candidates`.
@@ -170,8 +170,12 @@ def pick(candidates: Sequence[Candidate], wish: Wish, noise: float) -> Candidate
             return math.inf
         return 1 / (candidate.gain * (wish.error**2 - candidate.bias**2))
 
-    best = min(candidates, key=cost)
-    return best if LEAST_GAIN * cost(best) <= cost(candidates[0]) else candidates[0]
+    chosen = candidates[0]
+    # A bias must be worth it beside the best without one.
+    for better in (min((one for one in candidates if one.is_unbiased), key=cost), min(candidates, key=cost)):
+        if LEAST_GAIN * cost(better) <= cost(chosen):
+            chosen = better
+    return chosen
 
 
 def choose(scene: Scene, settings: RenderSettings, wish: Wish, front: Front) -> Choice:
@@ -188,9 +192,10 @@ def choose(scene: Scene, settings: RenderSettings, wish: Wish, front: Front) -> 
         UnsupportedFeatureError: for a scene that this version cannot render.
         NumericalError: where a sample was not finite.
     """
-    pilot = _Pilot(scene, settings)
+    rendered, _ = as_rendered(scene, settings)
+    pilot = _Pilot(rendered, replace(settings, transport=None, line_variance=None))
     near = nearest(front, pilot.features)
-    candidates = list_candidates(near, _allowed(scene, wish))
+    candidates = list_candidates(near, _allowed(rendered, wish))
     noise = 0.0 if wish.time is None else pilot.noise_after(wish.time)
     dropped: list[Candidate] = []
     while not (best := pick(candidates, wish, noise)).is_unbiased and "upscale" not in best.settings:

@@ -25,7 +25,7 @@ from generators.commands.common import (
 from generators.wish import AUTO, FORMS, Wish
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from fgf_warp.convergence import Goal
     from fgf_warp.features import Reason
@@ -189,8 +189,16 @@ def render(
     from usd_scenes.reader import COMPLEXITIES, OpenStages  # noqa: PLC0415
 
     aovs = _choose_aovs(aov)
-    given = {"--spp": spp, "--targetError": target_error, "--errorOver": error_over, "--time": time}
-    wish = _choose_wish(preset, {**given, "--maxDepth": max_depth, "--upscale": None if upscale == 1 else upscale})
+    chosen = {
+        "--spp": spp,
+        "--targetError": target_error,
+        "--errorOver": error_over,
+        "--time": time,
+        "--maxDepth": max_depth,
+        "--similarityOrder": similarity_order,
+        "--upscale": None if upscale == 1 else upscale,
+    }
+    wish = _choose_wish(preset, chosen)
     depths = PRESETS["balanced" if wish else preset]
     check_choice("--sampler", sampler, Sampler)
     if transport is not None:
@@ -269,7 +277,7 @@ def _choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | 
     return parse_frames(spec)
 
 
-def _choose_wish(preset: str, others: dict[str, object]) -> Wish | None:
+def _choose_wish(preset: str, others: Mapping[str, object]) -> Wish | None:
     """None for settings that have a name; options that say the same as a wish, or take a choice away, are refused."""
     if not preset.startswith(AUTO):
         check_choice("--preset", preset, [*PRESETS, FORMS])

@@ -143,6 +143,13 @@ def test_a_bias_must_leave_room_for_noise():
     assert chosen(0.005, 1.5) == "depth"
 
 
+def test_a_bias_must_be_worth_it_beside_what_has_none():
+    roulette = Candidate("roulette", {"roulette_depth": 32}, gain=1.5)
+    for gain, expected in ((1.6, "roulette"), (1.8, "depth")):
+        depth = Candidate("depth", {"max_depth": 64}, 0.001, gain)
+        assert pick([Candidate(BASE), roulette, depth], ERROR, 0.0).rung == expected
+
+
 def test_in_a_time_the_sum_of_noise_and_bias_decides():
     def chosen(bias, gain, noise):
         return pick([Candidate(BASE), Candidate("depth", {"max_depth": 64}, bias, gain)], TIME, noise).rung

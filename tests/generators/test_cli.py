@@ -132,6 +132,12 @@ def test_render_reports_paths_that_were_cut(tmp_path, stage, fake_renderer, monk
         (("-o", "{tmp}/a.exr", "--seed", "-1"), "seed = -1; accepted"),
         (("-o", "{tmp}/a.exr", "--device", "cuda:77"), "device = 'cuda:77'; accepted on this machine"),
         (("-o", "{tmp}/a.exr", "--preset", "best"), "--preset best: accepted: preview, balanced, reference"),
+        (
+            ("-o", "{tmp}/a.exr", "--preset", "auto:1"),
+            "preset auto:1: accepted: auto:ERROR or auto:TIME, such as",
+        ),
+        (("-o", "{tmp}/a.exr", "--preset", "auto:1%", "--spp", "4"), "--spp: is chosen by --preset auto:1%"),
+        (("-o", "{tmp}/a.exr", "--preset", "auto:5s", "--time", "4"), "--time: is chosen by --preset auto:5s"),
         (("-o", "{tmp}/a.exr", "--aov", "dept"), "--aov dept: accepted: depth"),
         (("-o", "{tmp}/a.exr", "--sampler", "sobol"), "--sampler sobol: accepted: lattice, independent"),
         (("-o", "{tmp}/a.exr", "--memory", "0"), "memory = 0.0; accepted: a number of GiB > 0"),
