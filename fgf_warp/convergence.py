@@ -39,6 +39,8 @@ LEAST_GROWTH = 1.05
 """Of a further round, so that none is spent on next to nothing."""
 UNUSED_TIME = 0.02
 """Share of a time that is not worth a further round."""
+CAREFUL_SHARE = 0.75
+"""Of the samples that the rest of a time is thought to allow, that are rendered before it is looked at again."""
 ID_AOVS = frozenset({Aov.PRIM_ID, Aov.INSTANCE_ID})
 """Planes of numbers that no mean can be taken of."""
 SECOND_HALF = 0x9E3779B97F4A7C15
@@ -258,6 +260,7 @@ class _Image:
     def __init__(self, model: Model, number: int, goal: Goal) -> None:
         self.number, self.halves = number, (2 * number, 2 * number + 1)
         self.spp = self.expected_spp = FIRST_SPP
+        self._before = (0, 0.0)
         self._goal, self._shape = goal, (model.settings.height, model.settings.width)
         self._densities = np.ones((2, *(-(-size // BLOCK) for size in self._shape)))
 
@@ -293,7 +296,7 @@ class _Image:
         """Whether another round is worth it, after so many; `spp` says to how many samples."""
         limit = self._goal.max_spp
         if self._goal.time is not None:
-            limit = min(limit, int(self.spp * self._goal.time / seconds))
+            limit = min(limit, self._affordable_spp(self._goal.time, seconds))
             if limit < (1 + UNUSED_TIME) * self.spp:
                 limit = self.spp
         limit -= limit % 2  # As many for one half as for the other.
@@ -302,8 +305,18 @@ class _Image:
         if limit == self.spp or (self.spp >= PILOT_SPP and self._goal.is_met_by(result)):
             self.expected_spp = self.spp
             return False
-        self.spp = min(self.expected_spp, PILOT_SPP if self.spp < PILOT_SPP else GROWTH * self.spp)
+        most = PILOT_SPP if self.spp < PILOT_SPP else GROWTH * self.spp
+        if self._goal.time is not None and limit < most:
+            most = 2 * math.ceil((self.spp + CAREFUL_SHARE * (limit - self.spp)) / 2)
+        self.spp = min(self.expected_spp, most)
         return True
+
+    def _affordable_spp(self, end: float, seconds: float) -> int:
+        """That end at this time, if each sample takes as long as in the last round: adaptive ones take longer."""
+        spp_before, seconds_before = self._before
+        pace = (seconds - seconds_before) / (self.spp - spp_before)
+        self._before = (self.spp, seconds)
+        return self.spp + int((end - seconds) / pace)
 
     def _needed_spp(self) -> int:
         """The least, an even number, that the error is expected to need."""

@@ -64,12 +64,14 @@ class Choice:
         settings: of the image.
         goal: when to stop.
         lines: what was chosen and why, as sentences for a person.
+        seconds: wall time that choosing took, without building kernels.
     """
 
     rung: str
     settings: RenderSettings
     goal: Goal
     lines: tuple[str, ...]
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -217,7 +219,7 @@ def choose(scene: Scene, settings: RenderSettings, wish: Wish, front: Front) -> 
         ),
         f"pilot: {_seen(pilot.features)}{outlook}",
     )
-    return Choice(best.rung, chosen, goal, lines)
+    return Choice(best.rung, chosen, goal, lines, pilot.spent)
 
 
 def _allowed(scene: Scene, wish: Wish) -> frozenset[str]:

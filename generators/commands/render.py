@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from fgf_warp.features import Reason
     from fgf_warp.result import RenderResult
     from fgf_warp.scene import Scene
+    from generators.auto import Choice
     from generators.pictures import Picture
     from usd_scenes.reader import Frame
 
@@ -279,7 +281,7 @@ def _choose_wish(preset: str, others: dict[str, object]) -> Wish | None:
     return wish
 
 
-def _choose_settings(scene: Scene, settings: RenderSettings, wish: Wish) -> tuple[RenderSettings, Goal]:
+def _choose_settings(scene: Scene, settings: RenderSettings, wish: Wish) -> Choice:
     """Says what it chose and why."""
     from generators.auto import choose  # noqa: PLC0415 - starts Warp
     from generators.tradeoff.front import read_front  # noqa: PLC0415
@@ -289,7 +291,7 @@ def _choose_settings(scene: Scene, settings: RenderSettings, wish: Wish) -> tupl
         choice = choose(scene, settings, wish, read_front())
     for line in choice.lines:
         typer.echo(line)
-    return choice.settings, choice.goal
+    return choice
 
 
 def _render_picture(
@@ -303,8 +305,9 @@ def _render_picture(
     from fgf_warp.renderer import check_memory, prepare  # noqa: PLC0415
 
     check_memory(settings)
-    if wish is not None:
-        settings, goal = _choose_settings(scene, settings, wish)
+    choice = None if wish is None else _choose_settings(scene, settings, wish)
+    if choice is not None:
+        settings, goal = choice.settings, choice.goal
     with progress_bar(counted=False) as progress:
         task = progress.add_task("building the kernel", total=None)
         plain, asked = as_rendered(scene, settings)
@@ -316,11 +319,19 @@ def _render_picture(
             expected = total if is_known else None
             progress.update(task, description=f"rendering {picture.exr.name}", completed=done, total=expected)
 
+        began = perf_counter()
         result = render_image(scene, settings, goal, show)
+        wall = perf_counter() - began
     write_exr(picture.exr, result)
     if picture.png:
         write_png(picture.png, result.aovs.get(Aov.DENOISED, result.radiance))
-    _print_render(result, goal, picture.files, is_chosen=wish is not None)
+    _print_render(result, goal)
+    if choice is not None:
+        typer.echo(f"{choice.seconds + wall:.2f} s in all, with {choice.seconds:.2f} s of the pilot")
+    elif goal is not None:
+        typer.echo(f"ended by {_ended_by(result, goal)}")
+    for file in picture.files:
+        typer.echo(f"wrote {file}")
 
 
 def _choose_goal(target_error: str | None, error_over: str | None, time: float | None, spp: int | None) -> Goal | None:
@@ -349,14 +360,12 @@ def _choose_aovs(names: list[str] | None) -> frozenset[Aov] | None:
     return frozenset(Aov(name) for name in names)
 
 
-def _print_render(result: RenderResult, goal: Goal | None, files: Sequence[Path], *, is_chosen: bool) -> None:
+def _print_render(result: RenderResult, goal: Goal | None) -> None:
     over = "mean" if goal is None else goal.over
     typer.echo(
         f"{result.seconds:.2f} s, {result.samples_per_second:.4g} samples/s, {result.samples} samples per pixel, "
         f"{over} relative standard error {result.relative_error(over):.2%}"
     )
-    if goal is not None and not is_chosen:
-        typer.echo(f"ended by {_ended_by(result, goal)}")
     if result.truncated_count:
         share = result.truncated_count / result.path_count
         warn(
@@ -365,8 +374,6 @@ def _print_render(result: RenderResult, goal: Goal | None, files: Sequence[Path]
                 "scattering events, so the image is a little too dark; a higher --preset cuts later"
             ]
         )
-    for file in files:
-        typer.echo(f"wrote {file}")
 
 
 def _ended_by(result: RenderResult, goal: Goal) -> str:

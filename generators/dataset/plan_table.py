@@ -55,7 +55,8 @@ class PlanMeta:
         png: whether there is an 8-bit view of each sample.
         exposure: of these views [stop].
         quality: what bounds each sample's render: ``spp``, which is the most with a ``target_error`` or a ``time``, and
-            ``error_over`` where the target is not that of the mean over blocks of pixels.
+            ``error_over`` where the target is not that of the mean over blocks of pixels; with ``chosen_from``, the
+            hash of a measurement by which further settings are chosen for each sample.
         targets: the extra targets asked for, by name, with their settings.
         device: kind of device, ``cpu`` or ``cuda``: they round differently.
         description: a sentence of the author's.

@@ -42,6 +42,7 @@ class Record:
         targets: the extra targets, by name: numbers or lists of numbers.
         files: the sample's other files, but for the timing, by name.
         reached_error: the error over what the config's ``error_over`` says; None where that is the mean.
+        chosen_settings: in words, where they are chosen for each sample; else None.
     """
 
     index: int
@@ -54,6 +55,7 @@ class Record:
     targets: Mapping[str, Any] = field(default_factory=dict)
     files: Mapping[str, FileEntry] = field(default_factory=dict)
     reached_error: float | None = None
+    chosen_settings: str | None = None
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from fgf_warp.errors import ConfigError
 from fgf_warp.result import OVER
 from fgf_warp.settings import PRESETS, SEED_MAX, Aov, RenderSettings
 from generators.dataset.layout import SPLITS
 from generators.planning.axes import AxisConfig, Count, GridConfig, Model
+from generators.wish import Wish
 
 AovName = Literal[
     "depth",
@@ -32,6 +34,8 @@ AovName = Literal[
     "denoised",
 ]
 Share = Annotated[float, Field(ge=0, le=1)]
+AUTO_MAX_SPP = 2**16
+"""That no sample exceeds whose settings are chosen."""
 EXPOSURE_MAX = 32.0
 """[stop], either way: far beyond what a picture needs, and far from where 2^x is no float."""
 SHARES_ROUNDING = 1e-9
@@ -151,8 +155,9 @@ class SweepConfig(Model):
     """Samples per pixel of every sample, in place of the preset's."""
     quality: QualityConfig | None = None
     """In place of a fixed spp: when a sample is good enough."""
-    preset: Literal["preview", "balanced", "reference"] = "balanced"
-    """How far paths are followed, and the samples per pixel where nothing else says."""
+    preset: str = "balanced"
+    """How far paths are followed, and the samples per pixel where nothing else says: preview, balanced or reference; or
+    auto:1% and the like, which chooses for each sample the cheapest settings that keep this error."""
     aovs: list[AovName] = Field(default_factory=list)
     """Planes to write beside radiance and alpha."""
     png: bool = True
@@ -180,9 +185,29 @@ class SweepConfig(Model):
     output: str | None = None
     """Folder or URL of the dataset; datasets/NAME where absent."""
 
+    @field_validator("preset")
+    @classmethod
+    def _check_preset(cls, preset: str) -> str:
+        if preset in PRESETS:
+            return preset
+        try:
+            is_error = Wish.parse(preset).error is not None
+        except ConfigError:
+            is_error = False
+        if not is_error:
+            raise PydanticCustomError("preset", f"{', '.join(PRESETS)}, or an error such as auto:1%")
+        return preset
+
+    @property
+    def wish(self) -> Wish | None:
+        """The error for which settings are chosen; None of settings that have a name."""
+        return None if self.preset in PRESETS else Wish.parse(self.preset)
+
     @property
     def bounds(self) -> dict[str, Any]:
         """What bounds each sample's render, see `generators.dataset.plan_table.PlanMeta.quality`."""
+        if self.wish is not None:
+            return {"spp": AUTO_MAX_SPP, "target_error": self.wish.error, "error_over": "rms"}
         if self.quality is None:
             return {"spp": self.spp or PRESETS[self.preset].spp}
         over = None if self.quality.error_over == "mean" else self.quality.error_over
@@ -195,7 +220,7 @@ class SweepConfig(Model):
         Raises:
             ConfigError: for a size that is not accepted.
         """
-        preset = PRESETS[self.preset]
+        preset = PRESETS["balanced" if self.wish else self.preset]
         return RenderSettings(
             width=width,
             height=height,

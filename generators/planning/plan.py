@@ -29,6 +29,7 @@ from generators.planning.sampling import (
 from generators.planning.scenes import Key, Recipe, SceneReader
 from generators.planning.targets import MEDIUM_FIELDS
 from generators.stage import BaseScene
+from generators.tradeoff.front import read_front
 
 Progress = Callable[[int, int], None]
 PHASE_PARAMETERS = ("back_asymmetry", "back_weight", "draine_alpha")
@@ -388,7 +389,7 @@ def _meta(loaded: LoadedConfig, sweep: Sweep, survey: _Survey, settings: RenderS
         aovs=tuple(sorted(settings.aovs)),
         png=config.png,
         exposure=config.exposure,
-        quality=config.bounds,
+        quality=config.bounds | ({"chosen_from": content_hash(asdict(read_front()))} if config.wish else {}),
         targets=targets,
         device="cuda" if settings.device.startswith("cuda") else settings.device,
         description=config.description,

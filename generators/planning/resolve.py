@@ -73,6 +73,9 @@ def resolve(loaded: LoadedConfig) -> Sweep:
     config = loaded.config
     if config.spp is not None and config.quality is not None:
         raise loaded.error(("quality",), "both this and spp bound the samples per pixel; accepted: one of them")
+    for key in ("spp", "quality"):
+        if config.wish is not None and getattr(config, key) is not None:
+            raise loaded.error((key,), f"follows from preset {config.preset}; accepted: one of them")
     axes: dict[str, Axis] = {}
     for key, axis in config.axes.items():
         resolved = _resolve_axis(loaded, key, axis)

@@ -79,6 +79,7 @@ RESULTS = (
     Column("spp", pa.int64(), "samples per pixel that were reached"),
     Column("standard_error", pa.float64(), "relative standard error of blocks of 8 x 8 pixels, on the mean"),
     Column("reached_error", pa.float64(), "the same over what the config asks for: rms or a percentile of the blocks"),
+    Column("chosen_settings", pa.string(), "what the error was reached with: balanced, or what differs from it"),
     Column("truncated", pa.int64(), "paths cut at the bound on their length, of all pixels"),
     Column("nonfinite", pa.int64(), "samples of the image that were not finite; a complete one has none"),
     Column("render_seconds", pa.float64(), "wall time of the render; differs from run to run", "s"),
@@ -101,8 +102,9 @@ def columns_of(dataset: Dataset, records: Iterable[Record]) -> tuple[Column, ...
         records: of its complete samples.
     """
     records = tuple(records)
-    left_out = () if "error_over" in dataset.meta.quality else ("reached_error",)
-    reached, files = [column for column in RESULTS[:-3] if column.name not in left_out], RESULTS[-3:]
+    needs = {"reached_error": "error_over", "chosen_settings": "chosen_from"}
+    quality, files = dataset.meta.quality, RESULTS[-3:]
+    reached = [column for column in RESULTS[:-3] if needs.get(column.name, "spp") in quality]
     statistics = _names(STATISTICS, (record.statistics for record in records))
     return (
         *_planned(dataset),

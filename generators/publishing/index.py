@@ -47,6 +47,7 @@ def _reached(record: Record, timing: Timing, folder: str, *, png: bool) -> Mappi
         "spp": record.spp,
         "standard_error": record.standard_error,
         "reached_error": record.reached_error,
+        "chosen_settings": record.chosen_settings,
         "truncated": record.truncated,
         "nonfinite": record.nonfinite,
         "render_seconds": timing.render_seconds,

@@ -28,4 +28,5 @@ def describe_quality(meta: PlanMeta) -> str:
         "time": lambda value: f"{value:g} s",
         "spp": lambda value: f"{'at most ' if is_open(meta.quality) else ''}{value:g} spp",
     }
-    return ", ".join(words(meta.quality[name]) for name, words in bounds.items() if name in meta.quality)
+    said = [words(meta.quality[name]) for name, words in bounds.items() if name in meta.quality]
+    return ", ".join([*said, *(["settings chosen for each sample"] if "chosen_from" in meta.quality else [])])

@@ -18,7 +18,7 @@ from fgf_warp.errors import NumericalError
 from fgf_warp.output.color import write_png
 from fgf_warp.output.exr import write_exr
 from fgf_warp.result import RenderResult
-from fgf_warp.settings import GIB
+from fgf_warp.settings import GIB, RenderSettings
 from generators.dataset import layout
 from generators.dataset.plan_table import is_open
 from generators.dataset.record import Record, Timing, encode, file_entry
@@ -26,6 +26,8 @@ from generators.dataset.store import Store
 from generators.publishing.statistics import image_statistics
 from generators.publishing.targets import compute_targets
 from generators.running.messages import Chunk, Finished
+from generators.tradeoff.front import read_front
+from generators.wish import Wish
 
 if TYPE_CHECKING:
     from fgf_warp.convergence import Goal
@@ -79,8 +81,8 @@ def render_chunk(
             share(done + part)
 
     with closing(_Writer(plan, store, way, chunk.attempt)) as writer:
-        for group in _groups(plan, samples, way):
-            for sample, result in _render_group(plan, group, way, count):
+        for settings, goal, group in _groups(plan, samples, way):
+            for sample, result in _render_group(plan, group, settings, goal, count):
                 if isinstance(result, NumericalError):
                     yield Finished(sample.index, error=str(result))
                 else:
@@ -113,20 +115,38 @@ def _goal(plan: Plan, way: Way, sample: Sample) -> Goal | None:
     )
 
 
-def _groups(plan: Plan, samples: Sequence[Sample], way: Way) -> Iterator[list[Sample]]:
-    """Successive samples that may share a batch."""
-    for _, group in groupby(samples, lambda sample: (plan.group_key(sample), _goal(plan, way, sample))):
-        yield list(group)
+def _choose(plan: Plan, way: Way, sample: Sample) -> tuple[RenderSettings, Goal | None]:
+    """How a sample is rendered, which does not depend on others."""
+    settings, goal = replace(plan.settings, threads=way.threads or cores()), _goal(plan, way, sample)
+    if goal is None or "chosen_from" not in plan.meta.quality:
+        return settings, goal
+    from generators.auto import choose  # noqa: PLC0415 - starts Warp
+
+    scene, wish = plan.scene_of(sample).with_media(plan.media_of(sample)), Wish("", plan.meta.quality["target_error"])
+    try:
+        choice = choose(scene, settings, wish, read_front())
+    except NumericalError:
+        # The render will tell, with its own settings and seed, whether it is so too.
+        return settings, goal
+    return choice.settings, goal if goal.error is None else replace(goal, error=choice.goal.error)
+
+
+def _groups(
+    plan: Plan, samples: Sequence[Sample], way: Way
+) -> Iterator[tuple[RenderSettings, Goal | None, list[Sample]]]:
+    """Successive samples that may share a batch, with how they are rendered."""
+    ways = ((sample, *_choose(plan, way, sample)) for sample in samples)
+    for (_, settings, goal), group in groupby(ways, lambda chosen: (plan.group_key(chosen[0]), *chosen[1:])):
+        yield settings, goal, [sample for sample, *_ in group]
 
 
 def _render_group(
-    plan: Plan, group: Sequence[Sample], way: Way, share: Share
+    plan: Plan, group: Sequence[Sample], asked: RenderSettings, goal: Goal | None, share: Share
 ) -> Iterator[tuple[Sample, RenderResult | NumericalError]]:
     from fgf_warp.convergence import FIRST_SPP, converge, halved_batches  # noqa: PLC0415 - starts Warp
     from fgf_warp.finishing import as_rendered, finish  # noqa: PLC0415
     from fgf_warp.renderer import Variant, batches  # noqa: PLC0415
 
-    asked, goal = replace(plan.settings, threads=way.threads or cores()), _goal(plan, way, group[0])
     scene, settings = as_rendered(plan.scene_of(group[0]), asked)
     variants = [Variant(plan.media_of(sample), sample.seed) for sample in group]
     begun = 0
@@ -209,6 +229,7 @@ class _Writer:
             spp=result.samples,
             standard_error=result.relative_standard_error,
             reached_error=None if over is None else result.relative_error(over),
+            chosen_settings=_describe_choice(self._plan, result),
             truncated=result.truncated_count,
             nonfinite=0,
             statistics=image_statistics(result),
@@ -221,6 +242,14 @@ class _Writer:
         files |= {layout.RECORD: encode(record), layout.TIMING: encode(timing)}
         self._store.commit(folder, files, replaces=self._way.repairs)
         return Finished(sample.index, result.seconds)
+
+
+def _describe_choice(plan: Plan, result: RenderResult) -> str | None:
+    if "chosen_from" not in plan.meta.quality:
+        return None
+    chosen = {name: getattr(result.settings, name) for name in ("max_depth", "roulette_depth", "similarity_order")}
+    differing = [f"{name} {value}" for name, value in chosen.items() if value != getattr(plan.settings, name)]
+    return ", ".join(differing) or "balanced"
 
 
 def encode_images(plan: Plan, sample: Sample, result: RenderResult) -> dict[str, bytes]:

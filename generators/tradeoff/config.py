@@ -22,7 +22,6 @@ from generators.tradeoff.metrics import REPLICATES_MIN
 
 SIZE_MAX = 1024
 """[pixel]: all images of a rung are held at once."""
-Albedo = Annotated[float, Field(ge=0, le=1)]
 
 
 class RungConfig(Model):
@@ -84,8 +83,8 @@ class MediumConfig(Model):
     """Mean extinction [1/unit]."""
     L: float | None = None
     """Outer scale [unit]."""
-    albedo: Albedo | Annotated[tuple[Albedo, Albedo, Albedo], Field(strict=False)] | None = None
-    """Single-scattering albedo, one or by channel."""
+    albedo: Annotated[float, Field(ge=0, le=1)] | None = None
+    """Single-scattering albedo of all channels."""
     transport: Transport | None = None
     """How flights depend on where they begin."""
     line_variance: LineVariance | None = None
@@ -102,7 +101,7 @@ class MediumConfig(Model):
             SceneError: where the medium cannot be so.
         """
         said = self.overrides()
-        if isinstance(said.get("albedo"), float | int):
+        if "albedo" in said:
             said["albedo"] = (said["albedo"],) * 3
         edits: dict[str, Any] = {MEDIUM_FIELDS[name]: value for name, value in said.items()}
         if "S_w" in said:

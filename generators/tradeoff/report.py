@@ -93,7 +93,7 @@ def draw_front(front: Front) -> bytes:
             _draw_more_samples(axes, points)
             _percent_axis(axes, points)
             axes.legend(loc="upper right", fontsize=8)
-        axes.set_ylabel("relative error of 8 x 8 pixels")
+        axes.set_ylabel("relative error, by blocks of 8 x 8 pixels")
         axes.set_title(f"Mean of {len(front.pairs)} scenes and media: left and low is good", loc="left")
         return image_bytes(figure)
 

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from fgf_warp.errors import ConfigError
@@ -11,10 +12,15 @@ from fgf_warp.renderer import render
 from fgf_warp.result import block_means
 from fgf_warp.settings import RenderSettings
 from generators.auto import Candidate, choose, distance, list_candidates, nearest, paired_bias, pick
+from generators.checking.verify import verify_dataset
+from generators.dataset.reader import Dataset
+from generators.dataset.store import Store
+from generators.publishing.words import describe_quality
+from generators.running.run import generate, render_again
 from generators.stage import load_scene
 from generators.tradeoff.front import BASE, Front, Pair, Reference, Rung
 from generators.wish import Wish
-from tests.generators.small_plan import STAGE
+from tests.generators.small_plan import STAGE, TEXT, content, small_plan
 
 ERROR, TIME = Wish.parse("auto:1%"), Wish.parse("auto:5s")
 FEATURES = {"regime": "pink", "H": -0.25, "g": 0.5, "albedo": 0.9, "optical_depth": 3.0, "scatterings": 4.0}
@@ -182,6 +188,37 @@ def test_settings_are_chosen_and_keep_the_error():
     means = block_means(reference.radiance)
     errors = np.sqrt(block_means((result.radiance - reference.radiance) ** 2)) / means
     assert 0.02 < math.sqrt(np.mean(errors**2)) < 0.048
+
+
+def test_datasets_choose_for_each_sample_and_can_be_made_again(tmp_path, monkeypatch):
+    scene = load_scene(STAGE, width=16, height=16).scene
+    features = choose_features(scene, RenderSettings(width=16, height=16))
+    measured = front(pair("ball", [rung("depth 32", 0.5, max_depth=32)], **{**features, "regime": "pink", "H": -0.25}))
+    for module in ("generators.planning.plan", "generators.running.render"):
+        monkeypatch.setattr(f"{module}.read_front", lambda: measured)
+    # Of white noise nothing was measured.
+    plan = small_plan(tmp_path, "preset=auto:5%", "spp=", "axes={H: [-0.25, -0.5], S_w: [1]}")
+    assert describe_quality(plan.meta).endswith("(rms), at most 65536 spp, settings chosen for each sample")
+    generate(plan, TEXT, tmp_path / "data")
+    dataset = Dataset(tmp_path / "data")
+    labels = pq.read_table(tmp_path / "data" / "index.parquet").to_pylist()
+    assert [row["chosen_settings"] for row in labels] == ["max_depth 32", "balanced"]
+    assert all(0.02 < row["reached_error"] <= 0.05 for row in labels)
+    assert not verify_dataset(dataset).findings
+    before = content(tmp_path / "data")
+    for index in range(2):
+        Store(tmp_path / "data").remove(dataset.folders[index])
+    spp = {row["index"]: row["spp"] for row in labels}
+    list(render_again(plan, Store(tmp_path / "data"), range(2), spp))
+    assert content(tmp_path / "data") == before
+
+
+def test_a_dataset_of_another_measurement_is_another_one(tmp_path, monkeypatch):
+    digests = set()
+    for measured in (front(pair()), front(pair("another"))):
+        monkeypatch.setattr("generators.planning.plan.read_front", lambda measured=measured: measured)
+        digests.add(small_plan(tmp_path, "preset=auto:5%", "spp=").meta.digest)
+    assert len(digests) == 2
 
 
 def choose_features(scene, settings):

@@ -3,7 +3,7 @@ import OpenImageIO as oiio  # noqa: N813
 import pytest
 
 from fgf_warp.errors import OutputError
-from fgf_warp.output.color import to_display, write_png
+from fgf_warp.output.color import mean_delta_e, to_display, write_png
 from fgf_warp.settings import RenderSettings
 from tests.renders import made_up_render
 
@@ -44,3 +44,17 @@ def test_display_values_are_written_as_they_are(tmp_path):
     pixels = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
     write_png(tmp_path / "a.png", pixels)
     np.testing.assert_array_equal(oiio.ImageInput.open(str(tmp_path / "a.png")).read_image("uint8"), pixels)
+
+
+def test_colour_differences_are_those_of_cie_2000():
+    black, white, grey = (np.full((2, 3, 3), value, np.uint8) for value in (0, 255, 119))
+    assert mean_delta_e(grey, grey) == 0.0
+    assert mean_delta_e(black, white) == pytest.approx(100.0, abs=0.01)
+    # Greys differ in lightness alone, whose weight depends on its mean.
+    luminance = ((119 / 255 + 0.055) / 1.055) ** 2.4
+    lightness = 116 * luminance ** (1 / 3) - 16
+    off = (lightness / 2 - 50) ** 2
+    expected = lightness / (1 + 0.015 * off / np.sqrt(20 + off))
+    assert mean_delta_e(black, grey) == pytest.approx(expected, rel=1e-3)
+    half = mean_delta_e(np.concatenate([black, grey]), np.concatenate([black, black]))
+    assert half == pytest.approx(expected / 2, rel=1e-3)
