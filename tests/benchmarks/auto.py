@@ -37,9 +37,9 @@ TIME, TIME_RANGE = "auto:5s", (4.0, 6.0)
 """What is asked for, and what counts as kept."""
 LEAST_KEPT = 11
 """Of the twelve."""
-REFERENCE_ERROR = 0.0025
+REFERENCE_ERROR = 0.003
 """Relative, rms over blocks, that references are rendered to where REFERENCE_PATHS allow it."""
-REFERENCE_PATHS = 4e8
+REFERENCE_PATHS = 2e8
 REFERENCE_PARTS = 8
 PILOT_SPP = 64
 """By which the samples of a reference are chosen."""
