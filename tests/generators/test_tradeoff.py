@@ -173,7 +173,7 @@ def test_the_ladder_has_each_knob_alone_and_what_changes_nothing_is_left_out():
     scene = furnace(hurst=-0.25, white_noise_scale=1.0, asymmetry=0.5)
     rungs = measuring.applicable_rungs(scene, LADDER)
     assert rungs[BASE].apply(TINY) == TINY
-    assert rungs["preview"].overrides() == {"spp": 16, "max_depth": 64, "roulette_depth": 4}
+    assert rungs["preview"].overrides() == {"spp": 16}
     assert {"similarity 4", "renewal"} <= set(rungs)
     assert not {"reciprocal", "asymptotic variance", "exact variance"} & set(rungs)
     even = scene.with_media((replace(scene.media[0], asymmetry=0.0),))
