@@ -33,6 +33,8 @@ PILOT_SPP = 32
 """After which it is known where more are needed."""
 GROWTH = 4
 """Of the samples from round to round, at most: the first ones know little of what is needed."""
+TRUSTED_PATHS = 2**14
+"""So many in all tell an error, even before the pilot's end; few may all miss what is rare, and agree."""
 EVEN_SHARE = 0.1
 """Of the samples, that all blocks get alike: the pilot may have missed what is rare."""
 LEAST_GROWTH = 1.05
@@ -262,6 +264,7 @@ class _Image:
         self.spp = self.expected_spp = FIRST_SPP
         self._before = (0, 0.0)
         self._goal, self._shape = goal, (model.settings.height, model.settings.width)
+        self._trusted_spp = min(2 * math.ceil(TRUSTED_PATHS / math.prod(self._shape) / 2), PILOT_SPP)
         self._densities = np.ones((2, *(-(-size // BLOCK) for size in self._shape)))
 
     def counts(self) -> np.ndarray:
@@ -300,9 +303,8 @@ class _Image:
             if limit < (1 + UNUSED_TIME) * self.spp:
                 limit = self.spp
         limit -= limit % 2  # As many for one half as for the other.
-        self.expected_spp = min(limit, max(self._needed_spp(), PILOT_SPP))
-        # So few samples as before the pilot's end may all have missed what is rare, and agree.
-        if limit == self.spp or (self.spp >= PILOT_SPP and self._goal.is_met_by(result)):
+        self.expected_spp = min(limit, max(self._needed_spp(), self._trusted_spp))
+        if limit == self.spp or (self.spp >= self._trusted_spp and self._goal.is_met_by(result)):
             self.expected_spp = self.spp
             return False
         most = PILOT_SPP if self.spp < PILOT_SPP else GROWTH * self.spp

@@ -123,7 +123,7 @@ class RenderSettings:
     spp: int = 128
     seed: int = 0
     max_depth: int = 1024
-    roulette_depth: int = 8
+    roulette_depth: int = 32
     similarity_order: int | None = None
     aovs: frozenset[Aov] = frozenset()
     sampler: Sampler = Sampler.LATTICE
@@ -188,9 +188,9 @@ class Preset:
     roulette_depth: int
 
 
-PREVIEW = Preset(spp=16, max_depth=64, roulette_depth=4)
-"""A look at the picture: noisy, and biased low where more than 64 scattering events matter."""
-BALANCED = Preset(spp=128, max_depth=1024, roulette_depth=8)
+PREVIEW = Preset(spp=16, max_depth=1024, roulette_depth=32)
+"""A look at the picture: noisy, but not biased."""
+BALANCED = Preset(spp=128, max_depth=1024, roulette_depth=32)
 """The default."""
 REFERENCE = Preset(spp=4096, max_depth=65536, roulette_depth=32)
 """For comparison with: no measurable bias from the bound on the path length."""

@@ -203,11 +203,12 @@ def stability(
       fgf stability --quick
     """  # noqa: D301
     start_warp(device)
+    from fgf_warp.output.atomic import make_folder  # noqa: PLC0415
     from generators.stability import run  # noqa: PLC0415
     from generators.stability.extremes import FULL, QUICK  # noqa: PLC0415
 
     folder = out or Path("stability-quick" if quick else "stability")
-    run.make_folder(folder)
+    make_folder(folder, [run.REPORT, run.CELLS])
     with progress_bar(counted=True) as progress:
         task = progress.add_task("", total=None)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -83,6 +83,24 @@ def check_writable(path: Path) -> None:
         probe.unlink()
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def make_folder(folder: Path, files: Iterable[str]) -> None:
+    """Makes a folder for files that come later, so that it is known before the work begins whether they can be written.
+
+    Args:
+        folder: may be there already.
+        files: names of what is to be written into it.
+
+    Raises:
+        OutputError: where the folder cannot be made, or a file cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be made: {error.strerror}") from error
+    for name in files:
+        check_writable(folder / name)
 
 
 def flush_to_disk(path: Path) -> None:

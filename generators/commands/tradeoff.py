@@ -39,12 +39,13 @@ def tradeoff(
       fgf tradeoff usd_scenes/stages/studio.usda
       fgf tradeoff configs/tradeoff.yaml --set size=32
     """  # noqa: D301
+    from fgf_warp.output.atomic import make_folder  # noqa: PLC0415
     from fgf_warp.output.denoise import check_denoiser  # noqa: PLC0415
     from fgf_warp.output.flip import check_flip  # noqa: PLC0415
     from generators.tradeoff import run  # noqa: PLC0415
     from generators.tradeoff.config import load_tradeoff  # noqa: PLC0415
     from generators.tradeoff.measure import list_subjects  # noqa: PLC0415
-    from generators.tradeoff.reference import default_cache, make_cache  # noqa: PLC0415
+    from generators.tradeoff.reference import default_cache  # noqa: PLC0415
 
     check_flip()
     loaded = load_tradeoff(path, overrides)
@@ -53,8 +54,8 @@ def tradeoff(
     subjects, warnings = list_subjects(loaded)
     folder = out or Path(f"tradeoff-{path.stem}")
     references = cache or default_cache()
-    run.make_folder(folder)
-    make_cache(references)
+    make_folder(folder, run.FILES)
+    make_folder(references, ["reference.npz"])
     warn(warnings)
     start_warp(device)
     try:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fgf_warp.errors import ConfigError, OutputError
-from fgf_warp.output.atomic import check_writable, write_bytes
+from fgf_warp.errors import ConfigError
+from fgf_warp.output.atomic import make_folder, write_bytes
 from generators.figures import hurst_range, negative_images, negative_law, scale_independence, white_limit
 from generators.figures.chapter import Chapter, Exhibit
 from generators.figures.studio import WIDTHS, load_studio, shoot, studio_settings
@@ -70,7 +70,7 @@ def write_figures(
         unknown = [name for name in names if name not in accepted]
         if unknown:
             raise ConfigError(f"{what} {unknown[0]}: accepted: {', '.join(accepted)}")
-    _make_folder(folder)
+    make_folder(folder, [PAGE])
     chapters = _make_chapters([name for name in EXHIBITS if not only or name in only], preset, device, progress)
     files = [folder / PAGE]
     for chapter in chapters.values():
@@ -108,14 +108,6 @@ def _make_chapters(names: Sequence[str], preset: str, device: str, progress: Pro
         chapters[name] = EXHIBITS[name].draw(shots)
         finished += len(shots)
     return chapters
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made: {error.strerror}") from error
-    check_writable(folder / PAGE)
 
 
 def _sum_up(verdicts: Sequence[Verdict]) -> Verdict | None:

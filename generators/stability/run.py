@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fgf_warp.errors import OutputError
-from fgf_warp.output.atomic import check_writable, write_bytes
+from fgf_warp.output.atomic import write_bytes
 from generators.stability import law
 from generators.stability.extremes import Extremes
 from generators.stability.furnace import Rendered, run_experiment
@@ -115,20 +114,6 @@ def measure(extremes: Extremes, device: str, progress: Progress | None = None) -
     )
 
 
-def make_folder(folder: Path) -> None:
-    """Makes the folder of a report, so that it is known before the work begins whether it can be written.
-
-    Raises:
-        OutputError: where it cannot.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made: {error.strerror}") from error
-    for name in (REPORT, CELLS):
-        check_writable(folder / name)
-
-
 def conclude(outcome: Outcome) -> str:
     """The verdict in a sentence."""
     measured = sum(int((~np.isnan(found.values)).sum()) for _, found in outcome.measurements if found.bound is not None)
@@ -145,7 +130,7 @@ def write(outcome: Outcome, folder: Path, command: str) -> Path:
 
     Args:
         outcome: of `measure`.
-        folder: where to, see `make_folder`.
+        folder: where to.
         command: that was given, for the report.
 
     Returns:

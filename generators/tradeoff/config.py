@@ -116,7 +116,6 @@ class MediumConfig(Model):
 _PREVIEW = {name: value for name, value in asdict(PRESETS["preview"]).items() if value != getattr(PRESETS[BASE], name)}
 LADDER: Mapping[str, RungConfig] = {
     "preview": RungConfig(**_PREVIEW),
-    "spp 16": RungConfig(spp=16),
     "spp 64": RungConfig(spp=64),
     BASE: RungConfig(),
     "spp 256": RungConfig(spp=256),
@@ -126,7 +125,7 @@ LADDER: Mapping[str, RungConfig] = {
     "depth 16": RungConfig(max_depth=16),
     "depth 64": RungConfig(max_depth=64),
     "roulette 2": RungConfig(roulette_depth=2),
-    "roulette 32": RungConfig(roulette_depth=32),
+    "roulette 8": RungConfig(roulette_depth=8),
     "roulette 128": RungConfig(roulette_depth=128),
     "similarity 1": RungConfig(similarity_order=1),
     "similarity 4": RungConfig(similarity_order=4),

@@ -40,7 +40,8 @@ class Rung:
         noise: root of the mean squared relative standard error.
         flip: mean FLIP of the displayed pictures, in [0, 1].
         delta_e: mean CIE 2000 colour difference of the displayed pictures.
-        efficiency: 1 / (relative_mse x seconds), over that of `BASE`; None where there is no error at all.
+        efficiency: 1 / (relative_mse x seconds), over that of `BASE`; None where one of the two has no
+            error at all.
         pareto: whether no other rung of the pair has both less error and less time.
     """
 

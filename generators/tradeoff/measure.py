@@ -304,10 +304,10 @@ def _judge(rungs: list[Rung]) -> list[Rung]:
             for other in rungs
         )
 
-    return [
-        replace(rung, efficiency=cost(base) / cost(rung) if cost(rung) > 0 else None, pareto=not is_beaten(rung))
-        for rung in rungs
-    ]
+    def efficiency(rung: Rung) -> float | None:
+        return cost(base) / cost(rung) if cost(base) > 0 and cost(rung) > 0 else None
+
+    return [replace(rung, efficiency=efficiency(rung), pareto=not is_beaten(rung)) for rung in rungs]
 
 
 def _versions() -> dict[str, str]:

@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from fgf_warp import __version__
-from fgf_warp.errors import OutputError
-from fgf_warp.output.atomic import check_writable, write_bytes
+from fgf_warp.output.atomic import write_bytes
 from fgf_warp.scene import Scene
 from fgf_warp.settings import PRESETS, RenderSettings, Sampler
 from generators.planning.digest import canonical, content_hash
@@ -59,19 +58,6 @@ def default_cache() -> Path:
     """Where references are kept unless told otherwise, by the XDG base directory specification."""
     base = os.environ.get("XDG_CACHE_HOME", "")
     return (Path(base) if Path(base).is_absolute() else Path.home() / ".cache") / "fgf-warp" / "references"
-
-
-def make_cache(folder: Path) -> None:
-    """Makes the folder, so that it is known before the work begins whether it can be written.
-
-    Raises:
-        OutputError: where it cannot.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made: {error.strerror}; accepted: another --cache") from error
-    check_writable(folder / "reference.npz")
 
 
 def reference_settings(settings: RenderSettings, *, spp: int, replicates: int) -> RenderSettings:

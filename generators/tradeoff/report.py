@@ -144,7 +144,8 @@ def _overview(front: Front) -> Section:
         (
             Figure(
                 "Error against time, over all scenes and media",
-                "Geometric means over the pairs; both axes are logarithmic.",
+                "Geometric means over the pairs; both axes are logarithmic. What only some media have, such as another "
+                "transport, is placed by its ratios to balanced on these.",
                 draw_front(front),
                 "svg",
             ),

@@ -4,26 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fgf_warp.errors import OutputError
-from fgf_warp.output.atomic import check_writable, write_bytes
+from fgf_warp.output.atomic import write_bytes
 from generators.tradeoff.front import write_front
 from generators.tradeoff.measure import Outcome
 
-NUMBERS, REPORT, FIGURE = "tradeoff.json", "tradeoff.html", "front.svg"
-
-
-def make_folder(folder: Path) -> None:
-    """Makes the folder of a report, so that it is known before the work begins whether it can be written.
-
-    Raises:
-        OutputError: where it cannot.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made: {error.strerror}") from error
-    for name in (NUMBERS, REPORT, FIGURE):
-        check_writable(folder / name)
+NUMBERS, FIGURE, REPORT = FILES = ("tradeoff.json", "front.svg", "tradeoff.html")
 
 
 def write(outcome: Outcome, folder: Path, command: str) -> list[Path]:
@@ -31,7 +16,7 @@ def write(outcome: Outcome, folder: Path, command: str) -> list[Path]:
 
     Args:
         outcome: of `generators.tradeoff.measure.measure`.
-        folder: where to, see `make_folder`.
+        folder: where to.
         command: that was given, for the report.
 
     Returns:
@@ -45,4 +30,4 @@ def write(outcome: Outcome, folder: Path, command: str) -> list[Path]:
     write_front(folder / NUMBERS, outcome.front)
     write_bytes(folder / FIGURE, draw_front(outcome.front))
     write_tradeoff_report(outcome, folder / REPORT, command)
-    return [folder / name for name in (NUMBERS, FIGURE, REPORT)]
+    return [folder / name for name in FILES]

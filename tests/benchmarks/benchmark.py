@@ -84,7 +84,7 @@ class Effort:
     adaptive_spp: int
 
 
-FULL = Effort(repeats=8, seconds=2.5, sweep_step=1, reference_seconds=20.0, adaptive_spp=512)
+FULL = Effort(repeats=8, seconds=2.5, sweep_step=1, reference_seconds=20.0, adaptive_spp=1024)
 QUICK = Effort(repeats=5, seconds=0.4, sweep_step=8, reference_seconds=4.0, adaptive_spp=128)
 
 

@@ -2,13 +2,16 @@
 
 import math
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fgf_warp.scene import AreaLight, Mesh, Solid, count_open_edges
+from generators.tradeoff.config import load_tradeoff
 from tests.benchmarks import llvm, scenes
 from tests.benchmarks.agreement import compare, compare_pairs, estimate
+from tests.benchmarks.auto import PAIRS, true_errors
 from tests.benchmarks.limit import build_walk, run_walk
 
 
@@ -93,6 +96,30 @@ def test_a_biased_block_is_seen():
     biased[:, 8:16, 8:16] += 0.05
 
     assert not compare(estimate(noisy_images(1, count=8)), estimate(biased)).holds
+
+
+def test_pairs_span_the_regimes_and_most_were_never_measured(tmp_path):
+    measured = load_tradeoff(Path(__file__).parents[2] / "configs" / "tradeoff.yaml").config
+    media = [pair.scene(tmp_path).media[0] for pair in PAIRS]
+
+    assert len({pair.name for pair in PAIRS}) == 12
+    assert {medium.line_law.regime for medium in media} >= {"exponential", "negative", "pink", "fbm"}
+    assert sum(pair.medium in measured.media and pair.stage in measured.stages for pair in PAIRS) <= 7
+    assert all(64 <= pair.size <= 128 for pair in PAIRS)
+
+
+def test_true_errors_are_those_of_the_image_and_not_of_its_reference():
+    rng = np.random.default_rng(1)
+    truth = np.full((64, 64, 3), 2.0)
+    reference = truth + 0.1 * rng.standard_normal(truth.shape)
+    image = truth + 0.2 * rng.standard_normal(truth.shape)
+    image[:, :32] += 0.4
+    found = true_errors(image, reference, np.full(truth.shape, 0.1**2))
+
+    # 0.2 everywhere, and 0.4 in addition to it in one half.
+    assert found.rms == pytest.approx(np.sqrt((0.1**2 + (0.1**2 + 0.2**2)) / 2), rel=0.02)
+    assert found.mean == pytest.approx((0.1 + np.hypot(0.1, 0.2)) / 2, rel=0.02)
+    assert found.plain == pytest.approx(found.rms, rel=0.02)
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no gcc")

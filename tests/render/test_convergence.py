@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 
 from fgf_warp import convergence, result
-from fgf_warp.convergence import FIRST_SPP, PILOT_SPP, Goal, merge_halves, render_batch_until, render_until
+from fgf_warp.convergence import (
+    FIRST_SPP,
+    PILOT_SPP,
+    TRUSTED_PATHS,
+    Goal,
+    merge_halves,
+    render_batch_until,
+    render_until,
+)
 from fgf_warp.errors import ConfigError, NumericalError
 from fgf_warp.renderer import Variant, image_bytes, render, render_batch
 from fgf_warp.result import block_errors, block_means, error_over
@@ -262,11 +270,17 @@ def test_images_of_any_size_converge(width, height):
 
 
 @pytest.mark.parametrize("sky", [(0.0, 0.0, 0.0), (0.5, 0.25, 2.0)], ids=["black", "exact"])
-def test_images_without_noise_need_no_more_than_the_pilot(sky):
+def test_images_without_noise_need_no_more_than_what_is_trusted(sky):
+    """Enough paths that hardly any light can have been missed."""
     image = render_until(looking_away(furnace(sky=sky, **REGIMES["pink"])), SETTINGS, Goal(error=1e-6))
-    assert image.samples == PILOT_SPP
+    assert TRUSTED_PATHS <= image.path_count < 1.1 * TRUSTED_PATHS
     assert image.relative_standard_error == 0.0
     assert np.allclose(image.radiance, sky)
+
+
+@pytest.mark.parametrize(("size", "spp"), [(64, FIRST_SPP), (4, PILOT_SPP)])
+def test_large_images_may_be_done_at_once_and_small_ones_after_the_pilot(size, spp):
+    assert render_until(ball(), replace(SETTINGS, width=size, height=size), Goal(error=0.9)).samples == spp
 
 
 def test_an_image_that_cannot_be_made_does_not_stop_the_others(monkeypatch):
