@@ -78,7 +78,7 @@ RESULTS = (
     Column(STATUS, pa.string(), "complete; failed where the render was given up, missing where it is still to come"),
     Column("spp", pa.int64(), "samples per pixel that were reached"),
     Column("standard_error", pa.float64(), "relative standard error of blocks of 8 x 8 pixels, on the mean"),
-    Column("reached_error", pa.float64(), "the same error of blocks, over what the config asks for: rms or a percentile"),
+    Column("reached_error", pa.float64(), "this error over what the config asks for: rms, or a percentile of blocks"),
     Column("chosen_settings", pa.string(), "what the error was reached with: balanced, or what differs from it"),
     Column("truncated", pa.int64(), "paths cut at the bound on their length, of all pixels"),
     Column("nonfinite", pa.int64(), "samples of the image that were not finite; a complete one has none"),
