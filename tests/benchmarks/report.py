@@ -23,7 +23,7 @@ and compares the images.
 - S: 256 images of A, 64x64 at 64 spp, with different sigma_t, albedo and g.
 
 Times per path are of at most 64 scattering events and Russian roulette from 5, times to an error of the default preset,
-of at most 1024 and 8, on both sides. Times are medians over the repeats; a ratio is theirs over ours,
+of at most 1024 and 32, on both sides. Times are medians over the repeats; a ratio is theirs over ours,
 the median of the repeats, with the least and the largest in brackets. CPU time is that of one thread. Reading the
 scene, building trees and compiling are done before; setting the media of S is not. `max |z|` is the largest deviation
 between the images over the means of 8x8 blocks of pixels and of the whole image, in standard errors, and after it the
