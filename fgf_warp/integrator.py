@@ -210,6 +210,16 @@ def samples_of_round(counts: Counts, part: Round, place: int):
     return first, wp.min(first + part.samples, end)
 
 
+@wp.func
+def skip_pixels(counts: Counts, part: Round, first_place: int, pixel: int, end_pixel: int) -> int:
+    """The first pixel from this one on that gets samples in this launch."""
+    for candidate in range(pixel, end_pixel):
+        first_sample, end_sample = samples_of_round(counts, part, first_place + candidate)
+        if first_sample < end_sample:
+            return candidate
+    return end_pixel
+
+
 @wp.struct
 class Connection:
     """The share of light that arrives along a connection."""
@@ -1639,15 +1649,15 @@ def build_program(features: RenderFeatures) -> Program:
             if path.sample == 0:
                 if path.pixel >= 0:
                     write_film(film, first_place + path.pixel, load_tally(sums, i))
-                while path.sample == 0 and handed < end_pixel:
+                handed = skip_pixels(counts, part, first_place, handed, end_pixel)
+                if handed < end_pixel:
+                    path = go_to_pixel(path, width, seed, handed)
                     first_sample, end_sample = samples_of_round(counts, part, first_place + handed)
-                    if first_sample < end_sample:
-                        path = go_to_pixel(path, width, seed, handed)
-                        path.sample = first_sample - end_sample
-                        path.end_sample = end_sample
-                        store_tally(sums, i, read_film(film, first_place + handed))
+                    path.sample = first_sample - end_sample
+                    path.end_sample = end_sample
+                    store_tally(sums, i, read_film(film, first_place + handed))
                     handed += 1
-                if path.sample == 0:
+                else:
                     path.pixel = -1
                     path.sample = 1
                     retired += 1

@@ -96,10 +96,14 @@ class RenderSettings:
         seed: in [0, 2^64); equal seeds give equal pixels on one device.
         max_depth: bound on the number of scattering events of a path, >= 1. Paths that reach it are cut,
             counted and reported. 1 is single scattering only: 1.8 times as fast and 14 % too dark on sphere, 1.4 times
-            and 22 % on cloud_block. 8 is no faster, and 1 to 3 % too dark.
-        roulette_depth: number of scattering events after which Russian roulette may end a path, >= 0.
+            and 22 % on cloud_block. 64 is as fast as 1024, and up to 0.6 % too dark.
+        roulette_depth: number of scattering events after which Russian roulette may end a path, >= 0. It never biases.
+            8 is 0.8 times as efficient as 32 (noise^2 x time; 0.4 to 1.2), 2 is 0.56 times, and 128 is 1.3 times (0.74
+            where albedo is 0.5, 9 where it is 0.98 and optical depth 25).
         similarity_order: number of scattering events, >= 1, after which a path's medium is replaced by the one that
-            scatters evenly, with (1 - g) times the scattering (`theory.similarity`); None is never.
+            scatters evenly, with (1 - g) times the scattering (`theory.similarity`); None is never. 4 is 2.6 times as
+            efficient (0.8 to 11), with a relative RMSE of 0.8 % on the median and 10 % with g = 0.99 under a lamp that
+            no sample removes; 16 is 1.7 times (0.8 to 4.5), with 0.1 % and 4 %.
         aovs: what to write beside radiance and alpha; a set, of `Aov` or their names.
         sampler: where random numbers come from, a `Sampler` or its name.
         transport: of all media, ``reciprocal``, ``renewal`` or ``mixed``, in place of their own; None keeps those. On
@@ -175,7 +179,7 @@ def _is_integer(value: object) -> bool:
 
 @dataclass(frozen=True)
 class Preset:
-    """A named point on the trade of speed for accuracy.
+    """A named point on the trade of speed for accuracy, chosen from what `fgf tradeoff` measured.
 
     Args:
         spp: samples per pixel.
@@ -189,9 +193,10 @@ class Preset:
 
 
 PREVIEW = Preset(spp=16, max_depth=1024, roulette_depth=32)
-"""A look at the picture: noisy, but not biased."""
+"""A look at the picture: relative errors of 0.2 to 90 %, on the median 10 %, on the pairs of `configs/tradeoff.yaml`."""
 BALANCED = Preset(spp=128, max_depth=1024, roulette_depth=32)
-"""The default."""
+"""The default: 0.1 to 30 %, on the median 3 %. Cutting paths earlier gains nothing (0.96 at 64 events), nor do other
+numbers of samples (0.94 at 64, 1.05 at 256)."""
 REFERENCE = Preset(spp=4096, max_depth=65536, roulette_depth=32)
 """For comparison with: no measurable bias from the bound on the path length."""
 

@@ -116,7 +116,7 @@ def test_render_reports_paths_that_were_cut(tmp_path, stage, fake_renderer, monk
     monkeypatch.setattr(fgf_warp.renderer, "render", render)
     outcome = fgf("render", stage, "-o", tmp_path / "a.exr", "-w", 4, "--preset", "preview")
     assert "5 paths" in outcome.stderr
-    assert "after 64 scattering events" in outcome.stderr
+    assert "after 1024 scattering events" in outcome.stderr
 
 
 @pytest.mark.parametrize(
@@ -504,7 +504,7 @@ def test_generate_reports_paths_that_were_cut(tmp_path, config_path, fake_render
     outcome = fgf("generate", config_path, "--out", tmp_path / "data", "--set", "preset=preview")
     assert outcome.exit_code == 0, outcome.output
     assert outcome.stderr.count("were cut") == 1
-    assert "10 paths in 2 of 6 samples (0.33 of all) were cut after 64 scattering events" in outcome.stderr
+    assert "10 paths in 2 of 6 samples (0.33 of all) were cut after 1024 scattering events" in outcome.stderr
 
 
 def test_generate_of_whole_paths_reports_none(tmp_path, config_path, fake_renderer):
