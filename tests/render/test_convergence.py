@@ -103,7 +103,7 @@ def test_what_the_halves_differ_by_is_the_error():
 def test_adaptive_images_are_unbiased(monkeypatch):
     """Where it matters most: each pixel is a block, and the pilot has 8 samples, so counts follow from chance.
 
-    In 80 images against a long one whose pixels all have equally many: a bias of 0.08 % of the image's mean is seen,
+    In 96 images against a long one whose pixels all have equally many: a bias of 0.08 % of the image's mean is seen,
     and one of 0.6 % in each ninth of it. Halves that decide on their own samples are 0.6 % too bright, the ninth in
     the middle 1.7 %.
     """
@@ -111,8 +111,8 @@ def test_adaptive_images_are_unbiased(monkeypatch):
         monkeypatch.setattr(module, "BLOCK", 1)
     monkeypatch.setattr(convergence, "PILOT_SPP", 8)
     scene, long = ball(), replace(SETTINGS, spp=1024)
-    images = converge(scene, SETTINGS, Goal(max_spp=32), range(80))
-    truth = list(render_batch(scene, [Variant(scene.media, seed) for seed in range(1000, 1008)], long))
+    images = converge(scene, SETTINGS, Goal(max_spp=32), range(96))
+    truth = list(render_batch(scene, [Variant(scene.media, seed) for seed in range(1000, 1012)], long))
     assert np.std(converge(scene, replace(SETTINGS, aovs={Aov.SAMPLES}), Goal(max_spp=32), [1])[0].aovs[Aov.SAMPLES])
     for parts, detects in ((1, 0.0008), (3, 0.006)):
         ours, theirs = (np.stack([means(image.radiance, parts) for image in some]) for some in (images, truth))
@@ -131,7 +131,8 @@ def test_samples_go_where_the_error_is():
     counts = block_means(image.aovs[Aov.SAMPLES])
     errors, _ = block_errors(image.radiance, image.variance * image.aovs[Aov.SAMPLES][..., None])
     # The corners see sky and little else.
-    assert counts.min() < 0.2 * counts.max()
+    # At the corners paths that meet nothing cost little, so that more of them are worth it.
+    assert counts.min() < 0.4 * counts.max()
     assert np.corrcoef(counts.ravel(), errors.ravel())[0, 1] > 0.95
 
 

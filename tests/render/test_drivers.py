@@ -124,7 +124,7 @@ def uneven(rng, images, height, width):
 @pytest.mark.parametrize("driver", ["pool", "threads"])
 def test_how_samples_are_spread_over_steps_does_not_change_a_pixel(driver, monkeypatch):
     """Some pixels get theirs early and others late, in launches of few samples; all end at 20 as with one step."""
-    settings = replace(SETTINGS, width=13, height=9, spp=20, threads=2, aovs=frozenset(Aov))
+    settings = replace(SETTINGS, width=13, height=9, spp=20, threads=2, aovs=RENDERED_AOVS)
     scene = full_scene()
     model = build_model(scene, settings, [renderer.Variant(scene.media, seed) for seed in (3, 4)])
     whole, parts = begin(model), begin(model)
@@ -145,7 +145,7 @@ def test_how_samples_are_spread_over_steps_does_not_change_a_pixel(driver, monke
 
 def test_pixels_may_get_very_different_numbers_of_samples():
     """Each is what it is where all pixels get its number."""
-    settings = replace(SETTINGS, width=7, height=5, spp=2000, threads=2, aovs=frozenset(Aov))
+    settings = replace(SETTINGS, width=7, height=5, spp=2000, threads=2, aovs=RENDERED_AOVS)
     model = build_model(full_scene(), settings)
     many, one, mixed = begin(model), begin(model), begin(model)
     step(model, many, 2000)
