@@ -23,7 +23,8 @@ class Sampler(StrEnum):
 
     LATTICE = "lattice"
     """At each event the samples share a shuffled, randomly shifted lattice, which lowers the variance of a pixel by a
-    factor of 1.2 to 1.9. The error that a render reports knows nothing of it, so it is too large by that much."""
+    factor of 1.2 to 1.9. The error that a render of a fixed number of samples reports knows nothing of it, so it is too
+    large by that much; one to a goal knows it."""
     INDEPENDENT = "independent"
     """Every number is independent of all others, and the reported error is that of the image."""
 
