@@ -115,7 +115,8 @@ def test_flights_at_50_digits(reference):
     assert np.abs(np.log(found[usable]) - t["ln_u_sm"][usable]).max() <= 1.2e-4
 
 
-@pytest.mark.parametrize("column", [pytest.param(0, id="sm"), pytest.param(1, id="mm", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("column", [0, 1], ids=["sm", "mm"])
 def test_mean_flights_at_50_digits(reference, column):
     """Of the laws whose flights spread by no more than twice their mean; sees a bias of 3 %."""
     t, draws, name = reference("moments.csv"), 200_000, ("sm", "mm")[column]

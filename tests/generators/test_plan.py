@@ -154,7 +154,7 @@ def test_everything_that_changes_files_changes_the_digest(plan_of):
         plan_of(**common),
         plan_of(**common, seed=1),
         plan_of(**common, spp=3),
-        plan_of(**common, preset="preview"),
+        plan_of(**common, preset="reference"),
         plan_of(**common, aovs=["depth"]),
         plan_of(**common, exposure=1.0),
         plan_of(**common, png=False),

@@ -245,7 +245,7 @@ def test_the_far_plane_cuts_a_medium(kind):
     stats.assert_means(*stats.image_mean(result), transmittance(scene, 0.6), detects=0.05)
 
 
-@pytest.mark.parametrize("kind", ["solid", "mesh"])
+@pytest.mark.parametrize("kind", ["solid", pytest.param("mesh", marks=pytest.mark.slow)])
 def test_rays_that_begin_in_and_beside_a_medium(kind):
     """A ray's own start says what it is in: the film of parallel rays lies across the side of a block."""
     view = from_above(projection="orthographic", clipping_range=(5.0, math.inf))

@@ -37,7 +37,7 @@ def mesh_scene():
             lambda: furnace(transport="mixed", extinction_color=(1, 2, 3), **REGIMES["exact fbm"]),
             marks=pytest.mark.slow,
         ),
-        example,
+        pytest.param(example, marks=pytest.mark.slow),
     ],
     ids=["full", "mesh", "chromatic", "mixed", "exact variance", "instances"],
 )

@@ -92,9 +92,9 @@ def through_a_lens(scene):
     "make",
     [
         lambda: furnace(fills_view=False, **REGIMES["pink"]),
-        lambda: furnace(fills_view=False, transport="mixed", **REGIMES["pink"]),
+        pytest.param(lambda: furnace(fills_view=False, transport="mixed", **REGIMES["pink"]), marks=pytest.mark.slow),
         full_scene,
-        example,
+        pytest.param(example, marks=pytest.mark.slow),
         pytest.param(lambda: through_a_lens(furnace(fills_view=False, **REGIMES["pink"])), marks=pytest.mark.slow),
         pytest.param(lambda: block_under(INTRICATE["soft cone"], light_links=8), marks=pytest.mark.slow),
     ],

@@ -142,7 +142,11 @@ def test_media_that_touch_are_both_there(kinds, gap):
     stats.assert_means(*stats.image_mean(result), transmittance(media[0], slant) ** 2, detects=0.02)
 
 
-@pytest.mark.parametrize("kinds", [("solid", "solid"), ("mesh", "mesh"), ("solid", "mesh"), ("mesh", "solid")], ids=str)
+@pytest.mark.parametrize(
+    "kinds",
+    [("solid", "solid"), ("solid", "mesh"), ("mesh", "solid"), pytest.param(("mesh", "mesh"), marks=pytest.mark.slow)],
+    ids=str,
+)
 def test_a_medium_that_stands_on_a_floor(kinds):
     """The picture is that of the same block a thousandth above the floor, of which the floor sees as much."""
     medium = dict(albedo=(0.8,) * 3, mean_extinction=1.0, hurst=-0.25, white_noise_scale=0.5)
@@ -161,9 +165,11 @@ def test_a_medium_that_stands_on_a_floor(kinds):
 @pytest.mark.parametrize(
     ("regime", "transport"),
     [
-        *itertools.product(("white", "pink", "fbm"), ("reciprocal", "renewal")),
+        *itertools.product(("pink", "fbm"), ("reciprocal", "renewal")),
         ("pink", "mixed"),
-        ("kfbm", "reciprocal"),
+        pytest.param("white", "reciprocal", marks=pytest.mark.slow),
+        pytest.param("white", "renewal", marks=pytest.mark.slow),
+        pytest.param("kfbm", "reciprocal", marks=pytest.mark.slow),
         ("negative", "renewal"),
         *itertools.product(("exact fbm",), ("mixed", "reciprocal")),
     ],
@@ -196,6 +202,7 @@ def test_chromatic_extinction_where_flights_are_shorter_than_the_rounding_of_dis
     stats.assert_means(mean, np.hypot(error, alone_error), alone, detects=0.05)
 
 
+@pytest.mark.slow
 def test_media_of_different_phase_functions_are_what_they_are_alone():
     """Two balls, too far apart to see each other, in light from the side: each against the kernel made for it."""
     settings, names, apart = replace(SETTINGS, spp=1024), ("two_lobe", "draine"), 100.0

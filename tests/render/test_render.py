@@ -93,7 +93,11 @@ LONE = {"lone_law": "", "lone_solid": False}
 
 @pytest.mark.parametrize("regime", ["exponential", "pink", "fbm"])
 @pytest.mark.parametrize("make", [full_scene, lambda: furnace(fills_view=False)], ids=["full", "sphere"])
-@pytest.mark.parametrize("added", [{"lone_solid": False}, LONE, LONE | {"chromatic": True}], ids=str)
+@pytest.mark.parametrize(
+    "added",
+    [{"lone_solid": False}, pytest.param(LONE, marks=pytest.mark.slow), LONE | {"chromatic": True}],
+    ids=str,
+)
 def test_a_chord_through_the_medium_is_the_same_as_crossing_its_boundaries(regime, make, added, monkeypatch):
     """The road of the lone solid against the one that any number of media take, in blocks of the image."""
     scene = replace(make(), media=furnace(albedo=(0.9, 0.8, 0.7), asymmetry=0.3, **REGIMES[regime]).media)

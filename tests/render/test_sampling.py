@@ -19,7 +19,9 @@ def sphere():
     return furnace(fills_view=False, albedo=(0.8, 0.8, 0.8), asymmetry=0.5, **REGIMES["pink"])
 
 
-@pytest.mark.parametrize(("make", "gain"), [(sphere, 1.5), (full_scene, 1.2)], ids=["sphere", "full"])
+@pytest.mark.parametrize(
+    ("make", "gain"), [(sphere, 1.5), pytest.param(full_scene, 1.2, marks=pytest.mark.slow)], ids=["sphere", "full"]
+)
 def test_the_lattice_lowers_the_variance(make, gain):
     """Of 48 renders each, over 576 pixels: the ratio of the variances is known to some percent."""
 

@@ -101,6 +101,7 @@ def test_a_sheet_lets_light_through_to_surfaces():
     assert np.allclose(lit.radiance, 0.5 / math.pi * 0.8 * 0.7, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_medium_goes_on_behind_a_sheet():
     """A segment that passes a sheet in a medium is one segment: its transmittance is no product."""
     medium = Medium("/fog", mean_extinction=0.5, albedo=BLACK, hurst=-0.25, white_noise_scale=2.0)
