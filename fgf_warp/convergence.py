@@ -2,10 +2,9 @@
 
 An image is rendered as two halves, with random numbers of their own, and is their mean. Half their difference is as
 large as the image's error, whatever the sampler. After a pilot, in which all pixels get equally many samples, each
-block of pixels of one half gets samples in proportion to the relative error that the *other* half has there, over the
-root of what a sample costs, which in a given time makes the mean square of the relative error least (Neyman's
-allocation). No pixel's samples decide how many it gets, so the image is unbiased; only the number in all follows from
-the whole image.
+block of pixels of one half gets samples in proportion to the relative error that the *other* half has there, which for
+a given number in all makes the mean square of the relative error least (Neyman's allocation). No pixel's samples
+decide how many it gets, so the image is unbiased; only the number in all follows from the whole image.
 """
 
 from __future__ import annotations
@@ -38,8 +37,6 @@ TRUSTED_PATHS = 2**14
 """So many in all tell an error, even before the pilot's end; few may all miss what is rare, and agree."""
 EVEN_SHARE = 0.1
 """Of the samples, that all blocks get alike: the pilot may have missed what is rare."""
-UNSEEN_COST = 1 / 6
-"""Of a path that meets nothing, over that of one that does."""
 LEAST_GROWTH = 1.05
 """Of a further round, so that none is spent on next to nothing."""
 UNUSED_TIME = 0.02
@@ -353,11 +350,8 @@ def _density(half: RenderResult) -> np.ndarray:
     errors, _ = block_errors(half.radiance, half.variance)
     # Where the pilot saw no noise, it may have missed the edge of what is next to it.
     errors = np.where(errors > 0, errors, _largest_around(errors))
-    sizes = block_sizes(half.alpha.shape)
-    mean = float(np.average(errors, weights=sizes))
-    shares = EVEN_SHARE + (1 - EVEN_SHARE) * (errors / mean if mean > 0 else np.ones_like(errors))
-    densities = shares / np.sqrt(UNSEEN_COST + (1 - UNSEEN_COST) * block_means(half.alpha))
-    return densities / np.average(densities, weights=sizes)
+    mean = float(np.average(errors, weights=block_sizes(half.alpha.shape)))
+    return EVEN_SHARE + (1 - EVEN_SHARE) * (errors / mean if mean > 0 else np.ones_like(errors))
 
 
 def _largest_around(values: np.ndarray) -> np.ndarray:

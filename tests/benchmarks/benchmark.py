@@ -251,7 +251,7 @@ class Benchmark:
         agreement = compare_pairs(*map(_images, wall.values()))
         self._compare(SPEED, "S", f"wall time of two threads, {CPU_VARIANT}", *wall.values(), _wall, None, agreement)
         self._compare_threads("S", wall["ours"], runs["ours"])
-        self._equal_error_of_sweep(stage, batches[: self._error_repeats])
+        self._equal_error_of_sweep(stage, batches)
         our_memory, their_memory = ours.peak_memory(), theirs.peak_memory()
         self.report.rows.append(
             Row(
@@ -348,11 +348,6 @@ class Benchmark:
             spp *= 2
         return spp
 
-    @property
-    def _error_repeats(self) -> int:
-        """Of equal-error timings: fewer, as the error makes the most of their spread."""
-        return max(2, self.effort.repeats // 2)
-
     def _load_default(self, name: str, stage: Path, labels: Sequence[str]) -> tuple[str, dict[str, Side]]:
         """The scene's key with the bounds of the default preset, and the sides that have it now."""
         key, sides = f"{name}:default", {label: self._side(label) for label in labels}
@@ -366,10 +361,10 @@ class Benchmark:
         key, sides = self._load_default(name, stage, labels)
         spp = {label: self._choose_spp(side, key) for label, side in sides.items()}
         runs: dict[str, list[Measured]] = {label: [] for label in labels}
-        for repeat in range(self._error_repeats):
+        for repeat in range(self.effort.repeats):
             for label, side in sides.items():
                 runs[label].append(side.render(key, spp[label], seed=5001 + repeat, threads=1))
-            self._say_speeds(f"{name}, default preset", repeat, runs, self._error_repeats)
+            self._say_speeds(f"{name}, default preset", repeat, runs)
         # Of seeds that no other render has; on all threads, each of which does what fills a timing.
         count = max(2, round(THREADS * self.effort.reference_seconds / self.effort.seconds))
         self._say(f"  {name}: a reference of {count} renders of {spp['ours']} samples per pixel")
