@@ -2,9 +2,9 @@
 
 An image is rendered as two halves, with random numbers of their own, and is their mean. Half their difference is as
 large as the image's error, whatever the sampler. After a pilot, in which all pixels get equally many samples, each
-block of pixels of one half gets samples in proportion to the relative error that the *other* half has there, which for
-a given number in all makes the mean square of the relative error least (Neyman's allocation). No pixel's samples
-decide how many it gets, so the image is unbiased; only the number in all follows from the whole image.
+cell of pixels of one half gets as many as the *other* half says that help most there: for the root mean square of the
+relative errors in proportion to the error over the root of what a sample costs (Neyman's allocation). No pixel's
+samples decide how many it gets, so the image is unbiased; only the number in all follows from the whole image.
 """
 
 from __future__ import annotations
@@ -21,7 +21,17 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from fgf_warp.errors import ConfigError, NumericalError
 from fgf_warp.renderer import Model, Progress, State, Variant, advance, batches, begin, develop
-from fgf_warp.result import BLOCK, OVER, RenderResult, block_errors, block_means, block_sizes, error_over
+from fgf_warp.result import (
+    BLOCK,
+    OVER,
+    RenderResult,
+    block_brightness,
+    block_errors,
+    block_means,
+    block_sizes,
+    block_sums,
+    error_over,
+)
 from fgf_warp.scene import Scene
 from fgf_warp.settings import Aov, RenderSettings
 
@@ -35,8 +45,16 @@ GROWTH = 4
 """Of the samples from round to round, at most: the first ones know little of what is needed."""
 TRUSTED_PATHS = 2**14
 """So many in all tell an error, even before the pilot's end; few may all miss what is rare, and agree."""
+CELL = 4
+"""Side of the cells of pixels that get equally many samples, which divides `BLOCK` [pixel]."""
 EVEN_SHARE = 0.1
-"""Of the samples, that all blocks get alike: the pilot may have missed what is rare."""
+"""Of the samples, that all cells get alike: the pilot may have missed what is rare."""
+UNSEEN_COST = 0.2
+"""Of a camera path that meets nothing, against one that does."""
+NORM = 2
+"""The p-norm of relative errors that samples make least; 1, that of the mean, makes the mean no less."""
+PERCENTILE_NORM = 10
+"""That for percentiles, in which large errors count more; still larger ones follow the pilot's noise."""
 LEAST_GROWTH = 1.05
 """Of a further round, so that none is spent on next to nothing."""
 UNUSED_TIME = 0.02
@@ -55,7 +73,8 @@ class Goal:
 
     Args:
         error: relative standard error, in (0, 1), see `RenderResult.relative_error`.
-        over: which blocks of pixels must have it: ``mean`` or ``rms`` over all, or a percentile, such as ``p95``.
+        over: which blocks of pixels must have it: ``mean`` or ``rms`` over all, or a percentile, such as ``p95``; what
+            the samples are given for, also where no error is asked for.
         time: wall time [s], > 0, but for building the kernel; the first round is rendered in any case.
         max_spp: samples per pixel on average, in [4, 2^31).
 
@@ -265,17 +284,18 @@ class _Image:
         self._before = (0, 0.0)
         self._goal, self._shape = goal, (model.settings.height, model.settings.width)
         self._trusted_spp = min(2 * math.ceil(TRUSTED_PATHS / math.prod(self._shape) / 2), PILOT_SPP)
-        self._densities = np.ones((2, *(-(-size // BLOCK) for size in self._shape)))
+        self._sizes = block_sizes(self._shape, CELL)
+        self._densities = np.ones((2, *self._sizes.shape))
 
     def counts(self) -> np.ndarray:
         """(2, height, width) samples of the halves, together `spp` on average."""
-        per_pixel = self._block_counts(self.spp).repeat(BLOCK, axis=1).repeat(BLOCK, axis=2)
+        per_pixel = self._cell_counts(self.spp).repeat(CELL, axis=1).repeat(CELL, axis=2)
         return per_pixel[:, : self._shape[0], : self._shape[1]].astype(np.int32)
 
-    def _block_counts(self, spp: int) -> np.ndarray:
+    def _cell_counts(self, spp: int) -> np.ndarray:
         """(2, rows, columns) samples per pixel, which never fall where `spp` grows."""
-        sizes = block_sizes(self._shape)
-        return np.rint([_fill(densities, sizes, spp / 2, min(spp, PILOT_SPP) / 2) for densities in self._densities])
+        least = min(spp, PILOT_SPP) / 2
+        return np.rint([_fill(densities, self._sizes, spp / 2, least) for densities in self._densities])
 
     def develop(self, model: Model, state: State) -> RenderResult:
         """What is there so far.
@@ -286,13 +306,13 @@ class _Image:
         first, second = (develop(model, state, half) for half in self.halves)
         result = merge_halves(first, second, self.spp)
         self._errors, self._pixels = block_errors(result.radiance, result.variance)
-        variances = np.stack([block_means(half.variance) for half in (first, second)])
-        # Of each half in the error of both, at the numbers of samples that they have.
-        shares = variances / np.where(variances.sum(axis=0) > 0, variances.sum(axis=0), np.inf)
-        self._spreads = shares * self._block_counts(self.spp)
+        # Of a single sample.
+        self._spreads = np.stack([block_means(half.variance, CELL) for half in (first, second)])
+        self._spreads *= self._cell_counts(self.spp)
         if self.spp == PILOT_SPP:
             # Each by what the other one needs.
-            self._densities = np.stack([_density(second), _density(first)])
+            norm = NORM if self._goal.over in ("mean", "rms") else PERCENTILE_NORM
+            self._densities = np.stack([_density(second, norm), _density(first, norm)])
         return result
 
     def goes_on(self, result: RenderResult, seconds: float) -> bool:
@@ -331,29 +351,45 @@ class _Image:
         return 2 * math.ceil(min(tried, self._goal.max_spp) / 2)
 
     def _expected_error(self, spp: float) -> float:
-        falls = np.sqrt((self._spreads / self._block_counts(round(spp))).sum(axis=0))
+        now, then = self._block_variances(self.spp), self._block_variances(round(spp))
+        falls = np.sqrt(np.divide(then, now, out=np.zeros_like(now), where=now > 0))
         return error_over(self._goal.over, self._errors * falls, self._pixels)
+
+    def _block_variances(self, spp: int) -> np.ndarray:
+        """(rows, columns) of blocks, up to a factor, with so many samples."""
+        return block_sums((self._spreads / self._cell_counts(spp)).sum(axis=0) * self._sizes, BLOCK // CELL)
 
 
 def _fill(densities: np.ndarray, sizes: np.ndarray, mean: float, least: float) -> np.ndarray:
     """Values in proportion to densities, but where that would be less than `least`, with a given mean over pixels."""
+    if mean == least:
+        return np.full_like(densities, mean)
     short, level = np.zeros_like(densities, dtype=bool), mean
-    # What some blocks get beyond their share the others lack, so that more of them may fall short.
-    while mean > least and (found := level * densities < least).sum() > short.sum():
+    # What some cells get beyond their share the others lack, so that more of them may fall short.
+    while (found := level * densities < least).sum() > short.sum():
         short = found
         level = (mean * sizes.sum() - least * sizes[short].sum()) / (densities * sizes)[~short].sum()
     return np.maximum(level * densities, least)
 
 
-def _density(half: RenderResult) -> np.ndarray:
-    """(rows, columns) samples of the blocks that help a half most, over their mean."""
-    errors, _ = block_errors(half.radiance, half.variance)
-    # Where the pilot saw no noise, it may have missed the edge of what is next to it.
-    errors = np.where(errors > 0, errors, _largest_around(errors))
-    mean = float(np.average(errors, weights=block_sizes(half.alpha.shape)))
-    return EVEN_SHARE + (1 - EVEN_SHARE) * (errors / mean if mean > 0 else np.ones_like(errors))
+def _density(half: RenderResult, norm: int) -> np.ndarray:
+    """(rows, columns) samples of the cells that help a half most, over their mean."""
+    variances = block_means(half.variance, CELL) / _in_cells(block_brightness(half.radiance), half) ** 2
+    # Half of a cell's own and half of all around it, for the pilot tells each with much noise, or missed what is rare.
+    variances = (variances + _mean_around(variances)) / 2
+    costs = _in_cells(UNSEEN_COST + (1 - UNSEEN_COST) * block_means(half.alpha), half)
+    # Makes the sum of e^p least for a given sum of n c, where a relative error e falls as 1 / sqrt(n).
+    needed = (variances ** (norm / 2) / costs) ** (2 / (norm + 2))
+    mean = float(np.average(needed, weights=block_sizes(half.alpha.shape, CELL)))
+    return EVEN_SHARE + (1 - EVEN_SHARE) * (needed / mean if mean > 0 else np.ones_like(needed))
 
 
-def _largest_around(values: np.ndarray) -> np.ndarray:
-    """Of each value and its up to eight neighbours, the largest."""
-    return sliding_window_view(np.pad(values, 1), (3, 3)).max(axis=(2, 3))
+def _in_cells(blocks: np.ndarray, half: RenderResult) -> np.ndarray:
+    """Values of blocks, of their cells."""
+    rows, columns = (-(-size // CELL) for size in half.alpha.shape)
+    return blocks.repeat(BLOCK // CELL, axis=0).repeat(BLOCK // CELL, axis=1)[:rows, :columns]
+
+
+def _mean_around(values: np.ndarray) -> np.ndarray:
+    """Of each value and its eight neighbours; those beyond an edge are as those at it."""
+    return sliding_window_view(np.pad(values, 1, mode="edge"), (3, 3)).mean(axis=(2, 3))

@@ -190,6 +190,8 @@ class Counts:
     """Before all launches of a step."""
     wanted: wp.array(dtype=int)
     """After them."""
+    order: wp.array(dtype=int)
+    """Of each image, the pixels: those that get most samples first, that lanes side by side are busy alike."""
 
 
 @wp.struct
@@ -208,16 +210,6 @@ def samples_of_round(counts: Counts, part: Round, place: int):
     end = counts.wanted[place]
     first = wp.min(counts.done[place] + part.skipped, end)
     return first, wp.min(first + part.samples, end)
-
-
-@wp.func
-def skip_pixels(counts: Counts, part: Round, first_place: int, pixel: int, end_pixel: int) -> int:
-    """The first pixel from this one on that gets samples in this launch."""
-    for candidate in range(pixel, end_pixel):
-        first_sample, end_sample = samples_of_round(counts, part, first_place + candidate)
-        if first_sample < end_sample:
-            return candidate
-    return end_pixel
 
 
 @wp.struct
@@ -1533,8 +1525,9 @@ def build_program(features: RenderFeatures) -> Program:
         counts: Counts,
         part: Round,
     ):
-        slot, pixel = wp.tid()
+        slot, turn = wp.tid()
         image = images[slot]
+        pixel = counts.order[image * pixel_count + turn]
         scene = scene_of_image(batch, image)
         seed = scene.seeds[image]
         lone = lone_medium(scene)
@@ -1636,33 +1629,33 @@ def build_program(features: RenderFeatures) -> Program:
         first_place: int,
         width: int,
         seed: wp.uint64,
-        next_pixel: int,
-        end_pixel: int,
+        next_turn: int,
+        end_turn: int,
     ):
-        """Waiting lanes' pixels go to the film, and they to others; returns the next one, and how many lanes retire."""
+        """Waiting lanes' pixels go to the film, and they to others; returns whose turn it is, and how many retire."""
         sums = sums_of(pool)
         lanes = lanes_of(pool)
-        handed = next_pixel
+        turn = next_turn
         retired = int(0)
         for i in range(LANES):
             path = load(lanes, i)
             if path.sample == 0:
                 if path.pixel >= 0:
                     write_film(film, first_place + path.pixel, load_tally(sums, i))
-                handed = skip_pixels(counts, part, first_place, handed, end_pixel)
-                if handed < end_pixel:
-                    path = go_to_pixel(path, width, seed, handed)
-                    first_sample, end_sample = samples_of_round(counts, part, first_place + handed)
+                if turn < end_turn:
+                    pixel = counts.order[first_place + turn]
+                    path = go_to_pixel(path, width, seed, pixel)
+                    first_sample, end_sample = samples_of_round(counts, part, first_place + pixel)
                     path.sample = first_sample - end_sample
                     path.end_sample = end_sample
-                    store_tally(sums, i, read_film(film, first_place + handed))
-                    handed += 1
+                    store_tally(sums, i, read_film(film, first_place + pixel))
+                    turn += 1
                 else:
                     path.pixel = -1
                     path.sample = 1
                     retired += 1
                 store(lanes, i, path)
-        return handed, retired
+        return turn, retired
 
     @wp.func
     def emit_lanes(pool: wp.uint64, scene: SceneData, lone: Medium, seed: wp.uint64):
@@ -1905,8 +1898,8 @@ def build_program(features: RenderFeatures) -> Program:
         scratch: wp.array(dtype=float),
         image: int,
         pixels_per_image: int,
-        first_pixel: int,
-        pixel_count: int,
+        first_turn: int,
+        turn_count: int,
         counts: Counts,
         part: Round,
     ):
@@ -1920,8 +1913,8 @@ def build_program(features: RenderFeatures) -> Program:
         if wp.static(lone_solid):
             lone_shape = scene.solids[scene.lone_solid]
         first_place = image * pixels_per_image
-        end_pixel = first_pixel + pixel_count
-        next_pixel = int(first_pixel)
+        end_turn = first_turn + turn_count
+        next_turn = int(first_turn)
         empty_lanes(pool)
         working = int(LANES)
         while working > 0:
@@ -1929,11 +1922,11 @@ def build_program(features: RenderFeatures) -> Program:
             if wp.static(tracks):
                 track_lanes(pool, scene)
             waiting = finish_lanes(pool)
-            if waiting >= MANY_WAITING or (waiting > 0 and next_pixel >= end_pixel):
-                handed, retired = hand_out_pixels(
-                    pool, film, counts, part, first_place, scene.camera.width, seed, next_pixel, end_pixel
+            if waiting >= MANY_WAITING or (waiting > 0 and next_turn >= end_turn):
+                turn, retired = hand_out_pixels(
+                    pool, film, counts, part, first_place, scene.camera.width, seed, next_turn, end_turn
                 )
-                next_pixel = handed
+                next_turn = turn
                 working -= retired
             emit_lanes(pool, scene, lone, seed)
 

