@@ -191,7 +191,7 @@ class Counts:
     wanted: wp.array(dtype=int)
     """After them."""
     order: wp.array(dtype=int)
-    """Of each image, the pixels: those that get most samples first, that lanes side by side are busy alike."""
+    """Of each image, the pixels: side by side those that get about equally many samples, so that they end together."""
 
 
 @wp.struct
@@ -210,6 +210,16 @@ def samples_of_round(counts: Counts, part: Round, place: int):
     end = counts.wanted[place]
     first = wp.min(counts.done[place] + part.skipped, end)
     return first, wp.min(first + part.samples, end)
+
+
+@wp.func
+def skip_pixels(counts: Counts, part: Round, first_place: int, turn: int, end_turn: int) -> int:
+    """Whose turn it is from this one on, of those that get samples in this launch."""
+    for candidate in range(turn, end_turn):
+        first_sample, end_sample = samples_of_round(counts, part, first_place + counts.order[first_place + candidate])
+        if first_sample < end_sample:
+            return candidate
+    return end_turn
 
 
 @wp.struct
@@ -1642,6 +1652,7 @@ def build_program(features: RenderFeatures) -> Program:
             if path.sample == 0:
                 if path.pixel >= 0:
                     write_film(film, first_place + path.pixel, load_tally(sums, i))
+                turn = skip_pixels(counts, part, first_place, turn, end_turn)
                 if turn < end_turn:
                     pixel = counts.order[first_place + turn]
                     path = go_to_pixel(path, width, seed, pixel)

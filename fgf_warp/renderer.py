@@ -420,7 +420,7 @@ class _Task:
     image: int
     first: int
     samples: np.ndarray
-    """(pixels,) that they get, in descending order."""
+    """(pixels,) that they get."""
 
 
 def _advance_cpu(
@@ -433,6 +433,9 @@ def _advance_cpu(
     task_pixels = min(pixels, PIXELS_PER_TASK, max(-(-pixels * len(images) // (TASKS_PER_THREAD * threads)), 1))
     added = (wanted - state.samples).reshape(-1, pixels)
     order = _order(added)
+    for first in range(0, pixels, task_pixels):
+        # In each task as they are in the image, where neighbours meet the same.
+        order[:, first : first + task_pixels].sort(axis=1)
     total, done, lock = int(added.sum(dtype=np.int64)), 0, threading.Lock()
     counts = _counts(state, wanted, order, "cpu")
     stopped = threading.Event()
@@ -456,7 +459,7 @@ def _advance_cpu(
                     task.image,
                     pixels,
                     task.first,
-                    np.count_nonzero(of_part),
+                    task.samples.size,
                     counts,
                     part,
                 ],
