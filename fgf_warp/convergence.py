@@ -169,13 +169,14 @@ def halved_batches(scene: Scene, variants: Sequence[Variant], settings: RenderSe
     return batches(scene, halves, settings, together=2)
 
 
-def merge_halves(first: RenderResult, second: RenderResult, spp: int) -> RenderResult:
+def merge_halves(first: RenderResult, second: RenderResult, spp: int, over: str) -> RenderResult:
     """The image of two halves that share no random number.
 
     Args:
         first: one.
         second: the other.
         spp: samples per pixel of both, on average.
+        over: what they are given for, see `Goal`.
 
     Returns:
         Their mean; its variance is that of the samples, scaled so that the mean square of the relative error is that
@@ -190,7 +191,7 @@ def merge_halves(first: RenderResult, second: RenderResult, spp: int) -> RenderR
     found_square, told_square = np.sum(pixels * found**2), np.sum(pixels * told**2)
     trust = pixels.sum() / (pixels.sum() + BLOCK**2)
     scale = 1.0 + trust * (found_square / told_square - 1.0) if told_square > 0 else 1.0
-    parameters = first.provenance["settings"] | {"spp": spp, "adaptive": True}
+    parameters = first.provenance["settings"] | {"spp": spp, "error_over": over}
     return replace(
         first,
         radiance=radiance,
@@ -304,7 +305,7 @@ class _Image:
             NumericalError: where a sample was not finite, naming its pixel.
         """
         first, second = (develop(model, state, half) for half in self.halves)
-        result = merge_halves(first, second, self.spp)
+        result = merge_halves(first, second, self.spp, self._goal.over)
         self._errors, self._pixels = block_errors(result.radiance, result.variance)
         # Of a single sample.
         self._spreads = np.stack([block_means(half.variance, CELL) for half in (first, second)])

@@ -104,15 +104,11 @@ def _goal(plan: Plan, way: Way, sample: Sample) -> Goal | None:
         return None
     from fgf_warp.convergence import Goal  # noqa: PLC0415 - starts Warp
 
+    over = quality.get("error_over", "mean")
     if way.spp is not None and sample.index in way.spp:
-        # Where each pixel's samples go follows from their number in all.
-        return Goal(max_spp=way.spp[sample.index])
-    return Goal(
-        error=quality.get("target_error"),
-        over=quality.get("error_over", "mean"),
-        time=quality.get("time"),
-        max_spp=quality["spp"],
-    )
+        # Where each pixel's samples go follows from their number in all, and what they are given for.
+        return Goal(over=over, max_spp=way.spp[sample.index])
+    return Goal(error=quality.get("target_error"), over=over, time=quality.get("time"), max_spp=quality["spp"])
 
 
 def _choose(plan: Plan, way: Way, sample: Sample) -> tuple[RenderSettings, Goal | None]:

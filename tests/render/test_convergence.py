@@ -96,9 +96,10 @@ def test_what_the_halves_differ_by_is_the_error():
         replace(plain, radiance=(1 + 0.1 * rng.standard_normal((64, 64, 3))).astype(np.float32)) for _ in range(2)
     ]
     told = np.full((64, 64, 3), 0.04, dtype=np.float32)
-    merged = merge_halves(*(replace(half, variance=told) for half in halves), spp=8)
+    merged = merge_halves(*(replace(half, variance=told) for half in halves), spp=8, over="p90")
     assert merged.relative_error("rms") == pytest.approx(np.sqrt(0.01 / 2), rel=0.04)
     assert merged.samples == merged.provenance["settings"]["spp"] == 8
+    assert merged.provenance["settings"]["error_over"] == "p90"
 
 
 # ---- the image
@@ -327,7 +328,7 @@ def test_planes_of_halves_become_those_of_the_image():
     first, second = (made_up_render(replace(settings, seed=seed)) for seed in (1, 2))
     first.aovs[Aov.PRIM_ID][0, :3], second.aovs[Aov.PRIM_ID][0, :3] = (0, 4, 0), (7, 5, 0)
     first.aovs[Aov.INSTANCE_ID][0, :3], second.aovs[Aov.INSTANCE_ID][0, :3] = (-1, -1, -1), (3, 2, -1)
-    merged = merge_halves(first, second, 256).aovs
+    merged = merge_halves(first, second, 256, "mean").aovs
     a, b = first.aovs, second.aovs
     assert merged.keys() == a.keys()
     assert np.array_equal(merged[Aov.SAMPLES], a[Aov.SAMPLES] + b[Aov.SAMPLES])
@@ -338,7 +339,7 @@ def test_planes_of_halves_become_those_of_the_image():
         assert np.allclose(merged[aov], (a[aov] + b[aov]) / 2), aov
     assert all(merged[aov].dtype == a[aov].dtype for aov in merged)
     alone = merge_halves(
-        *(replace(half, aovs={Aov.INSTANCE_ID: half.aovs[Aov.INSTANCE_ID]}) for half in (first, second)), 8
+        *(replace(half, aovs={Aov.INSTANCE_ID: half.aovs[Aov.INSTANCE_ID]}) for half in (first, second)), 8, "mean"
     )
     assert list(alone.aovs[Aov.INSTANCE_ID][0, :3]) == [3, 2, -1]
 
