@@ -502,6 +502,7 @@ def _errors(images: np.ndarray) -> dict[str, float]:
     return {
         "relative error, rms over blocks": error_over("rms", *blocks),
         "relative error, mean over blocks": error_over("mean", *blocks),
+        "relative error, 95th percentile of blocks": error_over("p95", *blocks),
         "RMSE over the image's mean": float(np.sqrt(variance.mean()) / mean.mean()),
     }
 

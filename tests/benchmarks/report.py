@@ -49,8 +49,8 @@ PARTS = {
     ),
     ADAPTIVE: (
         "Samples where they help against equally many everywhere, both ours, with the default preset on one thread. "
-        "Errors are from the spread of independent renders. Samples are given to what is relative to blocks of 8x8 "
-        "pixels, rms; where the absolute error counts, dark blocks get too many.",
+        "Errors are from the spread of independent renders. Samples are given for the rms of the errors relative to "
+        "blocks of 8x8 pixels; where the absolute error counts, dark blocks get too many.",
         "adaptive",
         "uniform",
     ),
