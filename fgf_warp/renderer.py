@@ -415,7 +415,7 @@ def _prim_numbers(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class _Task:
-    """Some of an image's pixels, one after the other in their order."""
+    """Some of an image's pixels, which follow each other in `_order`."""
 
     image: int
     first: int
