@@ -23,14 +23,11 @@ from fgf_warp.result import DARK, RenderResult, block_means, block_sizes
 from fgf_warp.scene import Scene
 from fgf_warp.settings import RenderSettings
 from generators.tradeoff.features import FEATURE_AOVS, read_features
-from generators.tradeoff.front import BASE, Front, Pair
+from generators.tradeoff.front import BASE, UNBIASED_SETTINGS, Front, Pair
 from generators.wish import Wish
 
-BIASED = frozenset({"max_depth", "similarity_order", "upscale"})
-"""Settings that are chosen and change what an image converges to. Others that do, such as the transport of media, are
-the author's."""
-UNBIASED = frozenset({"roulette_depth"})
-"""Settings that are chosen and do not; samples per pixel follow from the goal."""
+CHOSEN = frozenset({"roulette_depth", "max_depth", "similarity_order", "upscale"})
+"""Settings that may be chosen. Samples per pixel follow from the goal, and the transport of media is the author's."""
 MOST_BIAS = 0.5
 """Of the error that is asked for."""
 LEAST_GAIN = 1.1
@@ -93,7 +90,7 @@ class Candidate:
     @property
     def is_unbiased(self) -> bool:
         """Whether it converges to what `BASE` does."""
-        return not set(self.settings) & BIASED
+        return set(self.settings) <= UNBIASED_SETTINGS
 
 
 def nearest(front: Front, features: Mapping[str, Any]) -> list[Pair]:
@@ -140,12 +137,11 @@ def list_candidates(pairs: Sequence[Pair], allowed: frozenset[str]) -> list[Cand
         costs = [rung.noise**2 * rung.seconds for rung in rungs]
         if not settings or not set(settings) <= allowed or not all(costs):
             continue
-        is_biased = bool(set(settings) & BIASED)
         candidates.append(
             Candidate(
                 name,
                 settings,
-                bias=max(rung.bias_rms_high for rung in rungs) if is_biased else 0.0,
+                bias=0.0 if rungs[0].is_unbiased else max(rung.bias_rms_high for rung in rungs),
                 gain=geometric_mean(
                     [base.noise**2 * base.seconds / cost for base, cost in zip(bases, costs, strict=True)]
                 ),
@@ -228,7 +224,7 @@ def choose(scene: Scene, settings: RenderSettings, wish: Wish, front: Front) -> 
 
 
 def _allowed(scene: Scene, wish: Wish) -> frozenset[str]:
-    allowed = BIASED | UNBIASED
+    allowed = CHOSEN
     if wish.time is None:
         # A small picture enlarged is to look at.
         allowed -= {"upscale"}
