@@ -344,6 +344,7 @@ def test_planes_of_halves_become_those_of_the_image():
     assert list(alone.aovs[Aov.INSTANCE_ID][0, :3]) == [3, 2, -1]
 
 
+@pytest.mark.slow
 def test_every_plane_of_a_scene_converges_with_its_image():
     """Against the planes of a plain render of as many samples."""
     scene, settings = full_scene(), replace(SETTINGS, aovs=RENDERED_AOVS)

@@ -94,7 +94,7 @@ def through_a_lens(scene):
     [
         lambda: furnace(fills_view=False, **REGIMES["pink"]),
         pytest.param(lambda: furnace(fills_view=False, transport="mixed", **REGIMES["pink"]), marks=pytest.mark.slow),
-        full_scene,
+        pytest.param(full_scene, marks=pytest.mark.slow),
         pytest.param(example, marks=pytest.mark.slow),
         pytest.param(lambda: through_a_lens(furnace(fills_view=False, **REGIMES["pink"])), marks=pytest.mark.slow),
         pytest.param(lambda: block_under(INTRICATE["soft cone"], light_links=8), marks=pytest.mark.slow),
