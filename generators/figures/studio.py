@@ -19,7 +19,7 @@ BALL_DIAMETER = 2.0
 
 def load_studio() -> Scene:
     """The scene, with a ball of the stage's own cloud."""
-    from usd_scenes.library import stage_path  # noqa: PLC0415 - USD is slow to import
+    from usd_scenes.examples import stage_path  # noqa: PLC0415 - USD is slow to import
     from usd_scenes.reader import read_scene  # noqa: PLC0415
 
     return read_scene(stage_path(STAGE)).scene

@@ -27,7 +27,7 @@ def write_template(path: Path) -> None:
         ConfigError: where there is a file, or it would be no YAML by its name.
         OutputError: where it cannot be written.
     """
-    from usd_scenes.library import stage_path  # noqa: PLC0415 - USD is slow to import
+    from usd_scenes.examples import stage_path  # noqa: PLC0415 - USD is slow to import
 
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise ConfigError(f"{path}: accepted: a name that ends in .yaml or .yml")

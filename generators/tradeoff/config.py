@@ -180,7 +180,7 @@ class LoadedTradeoff:
         Raises:
             ConfigError: where there is none.
         """
-        from usd_scenes.library import stage_names, stage_path  # noqa: PLC0415 - USD is slow to import
+        from usd_scenes.examples import stage_names, stage_path  # noqa: PLC0415 - USD is slow to import
 
         if name in stage_names():
             return stage_path(name)

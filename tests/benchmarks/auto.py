@@ -30,7 +30,7 @@ from generators.tradeoff.front import Front, read_front
 from generators.tradeoff.reference import default_cache, render_reference
 from generators.wish import Wish
 from tests.benchmarks import scenes
-from usd_scenes.library import stage_path
+from usd_scenes.examples import stage_path
 
 ERROR, ERROR_RANGE = "auto:1%", (0.005, 0.012)
 TIME, TIME_RANGE = "auto:5s", (4.0, 6.0)

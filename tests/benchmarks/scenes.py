@@ -12,7 +12,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 from fgf_warp.scene import Medium, Scene
 from fgf_warp.settings import BALANCED
 from usd_scenes.authoring import author_fgf_medium
-from usd_scenes.library import build_mesh, build_sphere
+from usd_scenes.examples import build_mesh, build_sphere
 from usd_scenes.reader import read_scene
 
 SIGMA_T = 2.5

@@ -7,7 +7,7 @@ from fgf_warp.bvh import build_wide_tree
 from fgf_warp.device.geometry import LIGHT
 from fgf_warp.scene import Mesh, MeshLight, Surface
 from tests.contracts.device_kernels import RICH, hit_meshes, meet_meshes
-from usd_scenes.library import trefoil_tube
+from usd_scenes.examples import trefoil_tube
 
 
 def knot(around, along, **of_mesh):

@@ -14,7 +14,7 @@ from threading import Timer
 
 import OpenImageIO as oiio  # noqa: N813 - the name that its own documentation uses
 
-from usd_scenes.library import stage_names, stage_path
+from usd_scenes.examples import stage_names, stage_path
 
 TIME_LIMIT = 60
 """Seconds that one stage may take."""

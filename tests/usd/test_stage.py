@@ -15,7 +15,7 @@ from fgf_warp.errors import SceneError
 from fgf_warp.scene import count_open_edges
 from tests.usd.conftest import write
 from tests.usd.prims import CAMERA, HEADER
-from usd_scenes.library import STAGES, stage_names, stage_path, trefoil_tube
+from usd_scenes.examples import STAGES, stage_names, stage_path, trefoil_tube
 from usd_scenes.reader import OpenStages, read_scene, read_stage
 from usd_scenes.reader.bounds import scene_bounds
 from usd_scenes.reader.triangulation import cut_faces, signed_volume
@@ -321,7 +321,7 @@ def test_a_reference_to_a_file_that_this_usd_cannot_read_is_left_out(read, tmp_p
 
 
 def test_reading_imports_no_renderer() -> None:
-    script = "import sys, usd_scenes.reader, usd_scenes.library; print('warp' in sys.modules)"
+    script = "import sys, usd_scenes.reader, usd_scenes.examples; print('warp' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
     assert done.stderr == ""  # libraries tell of what is left over at the end

@@ -11,7 +11,7 @@ from fgf_warp.scene import Medium
 from tests.usd.conftest import write
 from tests.usd.prims import CAMERA, DOME, medium_sphere
 from usd_scenes.authoring import author_interchange
-from usd_scenes.library import MEDIUM_PATH, build_sphere, stage_names, stage_path
+from usd_scenes.examples import MEDIUM_PATH, build_sphere, stage_names, stage_path
 from usd_scenes.validation import Finding, validate_stage
 
 HEADER = '#usda 1.0\n(\n    defaultPrim = "Camera"\n    metersPerUnit = 0.01\n    upAxis = "Y"\n)\n'

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fgf_warp.scene import Medium
-from usd_scenes.library import MEDIUM_PATH, build_mesh, build_slab, build_sphere, stage_names, stage_path, trefoil_tube
+from usd_scenes.examples import MEDIUM_PATH, build_mesh, build_slab, build_sphere, stage_names, stage_path, trefoil_tube
 from usd_scenes.reader import read_scene, read_stage
 from usd_scenes.reader.bounds import scene_bounds
 
