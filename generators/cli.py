@@ -35,6 +35,7 @@ from generators.commands.export import export
 from generators.commands.generate import generate
 from generators.commands.render import render
 from generators.commands.tradeoff import tradeoff
+from generators.interrupts import listening
 
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option; it has no public name."""
@@ -46,13 +47,16 @@ class _Group(TyperGroup):
     def main(self, *args: Any, **extra: Any) -> Any:
         extra["standalone_mode"] = False  # typer then raises its errors instead of printing them
         try:
-            code = super().main(*args, **extra)
+            with listening():
+                code = super().main(*args, **extra)
         except UsageError as error:
             fail(error.format_message(), EXIT_BAD_INPUT)  # type: ignore[attr-defined]
         except (CorruptFileError, NumericalError) as error:
             fail(str(error), EXIT_CORRUPT)
-        except FgfError as error:
+        except (FgfError, OSError) as error:
             fail(str(error), EXIT_BAD_INPUT)
+        except (KeyboardInterrupt, typer.Abort):
+            fail("stopped before the end; what is written is whole", EXIT_PARTIAL)
         sys.exit(code or 0)
 
 

@@ -69,8 +69,13 @@ class Verification:
 
     @property
     def is_damaged(self) -> bool:
-        """Whether anything was found but that the dataset is not complete yet."""
-        return any(finding.kind not in (Kind.INCOMPLETE, Kind.OUTDATED) for finding in self.findings)
+        """Whether a file of the dataset is damaged."""
+        return bool(self.of(Kind.DAMAGED))
+
+    @property
+    def is_unfinished(self) -> bool:
+        """Whether samples, or what is written at the end of a run, are missing."""
+        return bool(self.of(Kind.INCOMPLETE) or self.of(Kind.OUTDATED))
 
     def of(self, kind: Kind) -> list[Finding]:
         """The findings of one kind."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -17,6 +16,7 @@ from generators.dataset import layout
 from generators.dataset.plan_table import INDEX
 from generators.dataset.reader import Dataset
 from generators.dataset.record import decode_record
+from generators.dataset.scratch import scratch_folder
 from generators.dataset.store import Store
 from generators.publishing.publish import publish
 from generators.running.opening import shards_under_way, sole
@@ -130,8 +130,8 @@ def _plan(store: Store, digest: str | None) -> Plan:
     if store.folder:
         loaded = load_config(store.folder / layout.CONFIG)
     else:
-        with tempfile.TemporaryDirectory() as temporary:
-            path = Path(temporary, layout.CONFIG)
+        with scratch_folder() as folder:
+            path = folder / layout.CONFIG
             path.write_bytes(store.read(layout.CONFIG))
             # Its stages are found from the working directory.
             loaded = replace(load_config(path), path=Path(layout.CONFIG))

@@ -60,13 +60,14 @@ FILES = {
 SPLIT_URLS = {"train": "cr:TrainingSplit", "validation": "cr:ValidationSplit", "test": "cr:TestSplit"}
 
 
-def write_croissant(meta: PlanMeta, index: pa.Table, files: Mapping[str, bytes]) -> bytes:
+def write_croissant(meta: PlanMeta, index: pa.Table, files: Mapping[str, bytes], published: str | None = None) -> bytes:
     """The metadata as the content of ``croissant.json``.
 
     Args:
         meta: of the dataset.
         index: its labels, see `generators.publishing.index`.
         files: contents of those of `FILES` that are there, by name.
+        published: the day in ISO 8601; None is today.
     """
     splits = [split for split in layout.SPLITS if split in index[SPLIT].to_pylist()]
     document = {
@@ -78,7 +79,7 @@ def write_croissant(meta: PlanMeta, index: pa.Table, files: Mapping[str, bytes])
         "citeAs": CITATION,
         **({"license": meta.license} if meta.license else {}),
         "version": meta.version,
-        "datePublished": datetime.now(UTC).date().isoformat(),
+        "datePublished": published or datetime.now(UTC).date().isoformat(),
         "distribution": _files(meta, files),
         "recordSet": [_split_names(splits), *([_views()] if meta.png else []), _samples(index, with_views=meta.png)],
     }

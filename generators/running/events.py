@@ -36,8 +36,9 @@ class EventLog:
             self._content = store.read(name) if store.exists(name) else b""
             return
         path = store.folder / name
+        store.make_folder(name.rpartition("/")[0])
+        store.clear_way(name)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open("a+b", buffering=0)
             self._drop_torn_line()
         except OSError as error:
