@@ -83,7 +83,8 @@ def write_croissant(meta: PlanMeta, index: pa.Table, files: Mapping[str, bytes],
         "distribution": _files(meta, files),
         "recordSet": [_split_names(splits), *([_views()] if meta.png else []), _samples(index, with_views=meta.png)],
     }
-    return (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode()
+    # A name may hold halves of characters, which no file can.
+    return (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode(errors="replace")
 
 
 def _files(meta: PlanMeta, files: Mapping[str, bytes]) -> list[dict[str, Any]]:
