@@ -40,8 +40,8 @@ def check_images(dataset: Dataset, index: int) -> list[Finding]:
     with scratch_folder() as scratch:
 
         def fetched(name: str) -> Path:
-            if dataset.store.folder:
-                return dataset.store.folder / folder / name
+            if file := dataset.store.local_file(f"{folder}/{name}"):
+                return file
             path = scratch / name
             path.write_bytes(dataset.store.read(f"{folder}/{name}"))
             return path

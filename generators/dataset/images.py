@@ -20,8 +20,8 @@ def read_channels(dataset: Dataset, index: int) -> dict[str, np.ndarray]:
         CorruptFileError: where it is missing or damaged.
     """
     name = f"{dataset.folders[index]}/{layout.RADIANCE}"
-    if dataset.store.folder:
-        return read_exr(dataset.store.folder / name)[0]
+    if file := dataset.store.local_file(name):
+        return read_exr(file)[0]
     try:
         content = dataset.store.read(name)
     except FileNotFoundError as error:

@@ -21,6 +21,8 @@ from generators.dataset import layout
 from generators.dataset.aside import move_aside
 from generators.dataset.scratch import scratch_folder
 
+MOST_BYTES = 2**29
+"""Of any file but an image: labels of a million samples are as large."""
 READERS = 32
 """Requests at a time: an object store answers each after tens of milliseconds."""
 
@@ -77,16 +79,24 @@ class Store:
             FileNotFoundError: where there is none.
             CorruptFileError: where it cannot be read.
         """
-        path = self._path(name)
-        if self.folder and Path(path).exists() and not Path(path).is_file():
-            # A pipe would be waited for, and a device never ends.
-            raise CorruptFileError(f"{self.location}/{name}: cannot be read: is no file")
+        self.local_file(name)
         try:
-            return bytes(self._fs.cat_file(path))
+            return bytes(self._fs.cat_file(self._path(name)))
         except FileNotFoundError:
             raise
         except self._errors as error:
             raise CorruptFileError(f"{self.location}/{name}: cannot be read: {_reason(error)}") from error
+
+    def local_file(self, name: str) -> Path | None:
+        """Where a file of a folder is, for libraries that read files by name; None in an object store.
+
+        Raises:
+            CorruptFileError: for what is there and cannot be read.
+        """
+        if self.folder is None:
+            return None
+        _check_readable(self.folder / name, f"{self.location}/{name}")
+        return self.folder / name
 
     def read_all(self, names: Sequence[str]) -> list[bytes]:
         """Contents of many small files, in order; of an object store several are on their way at a time.
@@ -318,6 +328,16 @@ class Store:
             raise
         except self._errors as error:
             raise OutputError(f"{self.location}/{name}: cannot be written: {_reason(error)}") from error
+
+
+def _check_readable(path: Path, name: str) -> None:
+    if not path.exists():
+        return
+    if not path.is_file():
+        # A pipe would be waited for, and a device never ends.
+        raise CorruptFileError(f"{name}: cannot be read: is no file")
+    if path.suffix != ".exr" and (size := path.stat().st_size) > MOST_BYTES:
+        raise CorruptFileError(f"{name}: cannot be read: {size:,} bytes; accepted: at most {MOST_BYTES:,}")
 
 
 def _reason(error: Exception) -> str:
