@@ -39,7 +39,7 @@ ODD_LOCKS = (
     "shard-3-of-2.lock",
     "shard-0-of-0.lock",
     "shard-.lock",
-    "shard-1-of-99999999999.lock",
+    f"shard-1-of-{'9' * 20}.lock",
 )
 
 
@@ -225,9 +225,9 @@ def edit_parquet(at: Damaged) -> None:
         table = pa.concat_tables([table, table])
     else:
         metadata = {**(table.schema.metadata or {})}
-        for key in metadata:
+        for key, value in metadata.items():
             with suppress(ValueError):
-                document = json.loads(metadata[key])
+                document = json.loads(value)
                 place, name = at.rng.choice([*_places(document)])
                 place[name] = at.rng.choice(ODD_VALUES)
                 metadata[key] = json.dumps(document).encode()

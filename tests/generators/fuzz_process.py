@@ -71,9 +71,8 @@ def walk(folder: Path) -> Iterator[Path]:
 
 def snapshot(folder: Path) -> dict[str, object]:
     """What a command that only looks must not change."""
-    return {
-        str(path): path.lstat().st_mtime_ns for path in walk(folder) if path.parent.name != "run" and not path.is_dir()
-    }
+    found = (path for path in walk(folder) if path.parent.name != "run" and not path.is_dir())
+    return {str(path): path.lstat().st_mtime_ns for path in found}
 
 
 def strangers(folder: Path) -> set[str]:
