@@ -8,6 +8,7 @@ by the command that needs it.
 from __future__ import annotations
 
 import sys
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -42,10 +43,20 @@ UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
 
 class _Group(TyperGroup):
-    """The one place where errors become a line on stderr and an exit code."""
+    """The one place where errors, and being stopped, become a line on stderr and an exit code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            fail("stopped before the end; what is written is whole", EXIT_PARTIAL)
 
     def main(self, *args: Any, **extra: Any) -> Any:
         extra["standalone_mode"] = False  # typer then raises its errors instead of printing them
+        for stream in (sys.stdout, sys.stderr):
+            # Names of files may hold what no encoding knows.
+            if isinstance(stream, TextIOWrapper):
+                stream.reconfigure(errors="backslashreplace")
         try:
             with listening():
                 code = super().main(*args, **extra)
@@ -55,8 +66,6 @@ class _Group(TyperGroup):
             fail(str(error), EXIT_CORRUPT)
         except (FgfError, OSError) as error:
             fail(str(error), EXIT_BAD_INPUT)
-        except (KeyboardInterrupt, typer.Abort):
-            fail("stopped before the end; what is written is whole", EXIT_PARTIAL)
         sys.exit(code or 0)
 
 

@@ -14,21 +14,44 @@ from types import FrameType
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 SAME_SECONDS = 0.3
 """After a signal, in which another is taken for the same one: shells and Slurm send some of them twice."""
+IMPORT_SECONDS = 0.05
+"""After which a signal is heard again that came while a library was imported."""
+IMPORT_WAITS = 200
+"""After so many it is heard in any case."""
 SHOW_CURSOR = "\x1b[?25h"
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
 
 
 class _Listener:
     """What has come so far."""
 
     def __init__(self) -> None:
-        self.came = False
-        self.held_back = 0
+        self.came = self.waiting = False
+        self.held_back = self.own = self.waits = 0
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Handles a signal, in the main thread; all but the first are for `watch`."""
-        came, self.came = self.came, True
-        if not came and not self.held_back:
+        if self.came and not self.waiting:
+            return
+        self.came = True
+        self.waiting = _is_importing(frame) and self.waits < IMPORT_WAITS
+        if self.waiting:
+            self.waits += 1
+            # Half a library would be left, and some print what they make of that.
+            threading.Timer(IMPORT_SECONDS, self._again, [number]).start()
+        elif not self.held_back:
             raise KeyboardInterrupt
+
+    def _again(self, number: int) -> None:
+        self.own += 1
+        signal.raise_signal(number)
 
     def watch(self, pipe: int) -> None:
         """Ends the program with the second signal, also where the main thread compiles and hears none.
@@ -39,6 +62,9 @@ class _Listener:
         first = None
         while number := os.read(pipe, 1):
             if number[0] not in SIGNALS:
+                continue
+            if self.own:
+                self.own -= 1
                 continue
             now = time.monotonic()
             first = now if first is None else first

@@ -26,7 +26,7 @@ from generators.dataset.reader import Dataset
 from generators.dataset.record import file_entry
 from generators.publishing.card import write_card
 from generators.publishing.columns import COMPLETE, STATUS
-from generators.publishing.croissant import FILES, write_croissant
+from generators.publishing.croissant import FILES, claimed_hashes, write_croissant
 from generators.publishing.index import build_index, parquet_bytes, split_table
 
 OF_TIMING = ("render_seconds",)
@@ -78,7 +78,7 @@ def _wrong(dataset: Dataset, there: Collection[str], samples: Samples) -> Iterat
     if isinstance(croissant, str):
         yield _damaged(layout.CROISSANT, croissant, "a document that can be read")
         croissant = None
-    hashes = _hashes(croissant) if croissant else {}
+    hashes = claimed_hashes(dataset.store.read(layout.CROISSANT)) if croissant else {}
     if croissant is not None:
         yield from _wrong_list(croissant, there)
     changed = list(_changed(dataset, there, hashes))
@@ -272,17 +272,6 @@ def _urls(croissant: Mapping[str, Any]) -> list[str]:
     entries = croissant.get("distribution")
     listed = [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
     return [str(entry["contentUrl"]) for entry in listed if "contentUrl" in entry]
-
-
-def _hashes(croissant: Mapping[str, Any]) -> dict[str, str]:
-    """What the metadata says of the dataset's files, by name."""
-    entries = croissant.get("distribution")
-    listed = [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
-    return {
-        entry["contentUrl"]: str(entry["sha256"])
-        for entry in listed
-        if entry.get("contentUrl") in FILES and "sha256" in entry
-    }
 
 
 def read_labels(dataset: Dataset) -> pa.Table | None:

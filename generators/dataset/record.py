@@ -167,7 +167,11 @@ def _decode(content: bytes, name: str) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise _damaged(name)
     own_hash = found.pop(OWN_HASH, None)
-    if own_hash != hashlib.sha256(_as_json(found)).hexdigest():
+    try:
+        is_as_written = own_hash == hashlib.sha256(_as_json(found)).hexdigest()
+    except (ValueError, RecursionError):
+        is_as_written = False  # such as a NaN
+    if not is_as_written:
         raise _damaged(name)
     return found
 

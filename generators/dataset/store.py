@@ -207,8 +207,12 @@ class Store:
                     move_aside(path)
                     path.mkdir(exist_ok=True)
 
-    def clear_way(self, name: str) -> None:
+    def clear_way(self, name: str, *, even_files: bool = False) -> None:
         """Moves a folder, or what else is no file, aside that stands where a file is to be.
+
+        Args:
+            name: of the file.
+            even_files: whether to move a file aside too.
 
         Raises:
             OutputError: where it cannot be moved.
@@ -217,7 +221,7 @@ class Store:
             return
         path = self.folder / name
         with self._writing(name):
-            if path.exists() and not path.is_file():
+            if path.exists() and (even_files or not path.is_file()):
                 move_aside(path)
 
     def upload(self, folder: Path) -> None:

@@ -87,6 +87,21 @@ def write_croissant(meta: PlanMeta, index: pa.Table, files: Mapping[str, bytes],
     return (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode(errors="replace")
 
 
+def claimed_hashes(content: bytes) -> dict[str, str]:
+    """What the content of a ``croissant.json`` says of the files of `FILES`, by name; nothing where it is damaged."""
+    try:
+        found = json.loads(content)
+    except (ValueError, RecursionError):
+        return {}
+    entries = found.get("distribution") if isinstance(found, dict) else None
+    listed = [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
+    return {
+        entry["contentUrl"]: str(entry["sha256"])
+        for entry in listed
+        if isinstance(entry.get("contentUrl"), str) and entry["contentUrl"] in FILES and "sha256" in entry
+    }
+
+
 def _files(meta: PlanMeta, files: Mapping[str, bytes]) -> list[dict[str, Any]]:
     """With hashes, by which a reader, and ``fgf verify``, see whether a file is as it was published."""
     tables = [_file_object(name, *words, files[name]) for name, words in FILES.items() if name in files]

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fgf_warp.errors import ConfigError, OutputError
+from fgf_warp.errors import ConfigError, CorruptFileError, OutputError
 from fgf_warp.locks import HeldError, hold
 from generators.dataset import layout
 from generators.dataset.plan_table import read_plan
 from generators.dataset.store import Store
+from generators.publishing.croissant import claimed_hashes
 from generators.running.shard import Shard, samples_of
 
 if TYPE_CHECKING:
@@ -41,6 +43,7 @@ def opened(plan: Plan, config: bytes | None, store: Store, shard: Shard) -> Iter
 
     Raises:
         ConfigError: where there is something else, or where another run holds samples of the shard.
+        CorruptFileError: where the dataset's plan has been changed.
         OutputError: where nothing can be written.
     """
     indices = samples_of(plan, shard)
@@ -54,6 +57,8 @@ def opened(plan: Plan, config: bytes | None, store: Store, shard: Shard) -> Iter
                 store.clear_way(f"{layout.RUN}/{_shard_lock(shard)}")
                 held.enter_context(hold(store.folder / layout.RUN / _shard_lock(shard), wait=False))
             store.sweep([layout.sample_name(index) for index in indices])
+            if config is not None and store.exists(layout.PLAN):
+                _check_plan(plan, store)
             # The plan first: a folder with other files and no plan is refused, by a run that goes on after a kill too.
             for name, content in ((layout.PLAN, plan.to_bytes()), (layout.CONFIG, config)):
                 if content is not None and not store.exists(name):
@@ -117,6 +122,18 @@ def _refuse_other_content(plan: Plan, store: Store) -> None:
         raise ConfigError(
             f"{store.location}: holds a dataset of another plan (config, scene or version differ); "
             "choose another place with --out, or delete this one"
+        )
+
+
+def _check_plan(plan: Plan, store: Store) -> None:
+    """Refuses to go on with a plan that has been changed, which would be published as if it were what was made."""
+    content = store.read(layout.PLAN)
+    said = store.read(layout.CROISSANT) if store.exists(layout.CROISSANT) else b""
+    sha256 = hashlib.sha256(content).hexdigest()
+    (_, table), (_, own) = read_plan(content, layout.PLAN), read_plan(plan.to_bytes(), layout.PLAN)
+    if claimed_hashes(said).get(layout.PLAN, sha256) != sha256 or not table.equals(own):
+        raise CorruptFileError(
+            f"{store.location}/{layout.PLAN}: is not as it was written; fgf verify --repair makes it anew"
         )
 
 

@@ -103,7 +103,8 @@ def examine(folder: Path, whole: Path, generates: bool) -> str:
         FoundError: for what must not be.
     """
     theirs, partial, names = strangers(folder), half_written(folder), names_of(whole)
-    has_config = (folder / "config.yaml").is_file() and (folder / "config.yaml").read_bytes() == CONFIGS[whole]
+    config = folder / "config.yaml"
+    has_config = config.is_file() and config.stat().st_size < 10_000 and config.read_bytes() == CONFIGS[whole]
 
     def check(said: str) -> None:
         if lost := theirs - strangers(folder):
