@@ -62,13 +62,23 @@ def evaluate_law(
     t = np.array(_default_lengths(mean_extinction, reach) if lengths is None else lengths, dtype=np.float64)
     if not (np.isfinite(t) & (t >= 0)).all():
         raise ConfigError(f"t = {', '.join(f'{value:g}' for value in t)}; accepted: finite numbers >= 0")
-    u = mean_extinction * t
+    # Whatever passes the range of numbers on the way is told by what comes out.
+    with np.errstate(all="ignore"):
+        u = mean_extinction * t
     if (t > reach).any():
         raise ConfigError(f"t = {t.max():g}; accepted with the exact variance: at most {reach:.6g}, where the law ends")
     # At u = 0 the formulas need kappa u^b, which for b < 0 has no value; the limits are known.
-    inside = law.eval_kernels(np.where(u > 0, u, 1.0))
-    transmittance = np.where(u > 0, inside.transmittance_ss, 1.0)
-    density = np.where(u > 0, inside.density_sm, initial_rate(law.b, law.kappa))
+    with np.errstate(all="ignore"):
+        inside = law.eval_kernels(np.where(u > 0, u, 1.0))
+        transmittance = np.where(u > 0, inside.transmittance_ss, 1.0)
+        density = np.where(u > 0, inside.density_sm, initial_rate(law.b, law.kappa))
+        rate = mean_extinction * density
+    if not np.isfinite([u, transmittance, rate]).all():
+        place = int(np.argmin(np.isfinite([u, transmittance, rate]).all(axis=0)))
+        raise ConfigError(
+            f"sigma_m = {mean_extinction:g} at t = {t[place]:g}, with b = {law.b:g} and kappa = {law.kappa:g}: the law "
+            "has no value there in 64-bit numbers; accepted: parameters nearer to 1, by the choice of a unit of length"
+        )
     warnings = law.warnings(t.tolist())
     mean = _mean_free_path(law)
     if mean is None:
@@ -83,7 +93,7 @@ def evaluate_law(
         "law_ends_at": reach if math.isfinite(reach) else None,
         "t": t.tolist(),
         "transmittance": transmittance.tolist(),
-        "free_flight_pdf": (mean_extinction * density).tolist(),
+        "free_flight_pdf": rate.tolist(),
         "warnings": warnings,
     }
 

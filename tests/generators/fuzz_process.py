@@ -3,10 +3,12 @@
 Before each command it tells its name; the last answer on a dataset is an object.
 """
 
+import faulthandler
 import json
 import os
 import shutil
 import sys
+import time
 import traceback
 import warnings
 from collections.abc import Iterator
@@ -21,6 +23,8 @@ from generators.cli import app
 from tests.generators.fuzz import STRANGER
 from tests.generators.small_plan import NOT_EQUAL
 
+SECONDS = 20
+"""Of all its threads, that no command may need."""
 MEMORY = 2 * 2**30
 """[byte] That no command may need."""
 PROGRESS = "━"
@@ -37,6 +41,7 @@ def run(*arguments: object) -> tuple[int, str]:
     """One command; its exit code and what it said."""
     print(json.dumps(" ".join(map(str, arguments))), file=ANSWERS)
     _reset_peak()
+    began = time.process_time()
     done = CliRunner().invoke(app, [str(argument) for argument in arguments])
     said = f"{arguments[0]}: exit code {done.exit_code}: {done.output}"
     if done.exception is not None and not isinstance(done.exception, SystemExit):
@@ -45,6 +50,8 @@ def run(*arguments: object) -> tuple[int, str]:
     errors = [line for line in lines if not line.startswith("warning: ")]
     if done.exit_code not in CODES or "Traceback" in done.output or not all(_is_told(line) for line in errors):
         raise FoundError(said)
+    if (seconds := time.process_time() - began) > SECONDS:
+        raise FoundError(f"{said}: {seconds:.1f} s")
     if (peak := _peak()) > MEMORY:
         raise FoundError(f"{said}: {peak / 2**30:.2f} GiB")
     return done.exit_code, said
@@ -150,6 +157,7 @@ CONFIGS: dict[Path, bytes] = {}
 
 def main() -> None:
     wp.config.log_level = wp.LOG_WARNING
+    faulthandler.enable()
     # What libraries print must not mix with the answers.
     os.dup2(2, 1)
     warnings.simplefilter("error", RuntimeWarning)

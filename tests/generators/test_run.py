@@ -13,21 +13,24 @@ import weakref
 from dataclasses import replace
 
 import pytest
+from typer.testing import CliRunner
 
 import fgf_warp.renderer
-from fgf_warp.errors import ConfigError, NumericalError, OutputError
+from fgf_warp.errors import ConfigError, CorruptFileError, NumericalError, OutputError
 from fgf_warp.locks import HeldError, hold
 from fgf_warp.output.exr import read_exr
+from generators.cli import app
 from generators.dataset import layout, store
+from generators.dataset.plan_table import read_plan, write_plan
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Failure, encode
-from generators.dataset.store import Store
+from generators.dataset.store import GoneError, Store
 from generators.running import render
 from generators.running.messages import Chunk
 from generators.running.render import render_chunk
 from generators.running.run import Progress, Workers, generate, render_again
 from generators.running.shard import Shard, samples_of
-from tests.generators.small_plan import TEXT, content, labels, small_plan
+from tests.generators.small_plan import TEXT, content, labels, small_plan, write_config
 from tests.renders import made_up_render
 
 
@@ -473,6 +476,48 @@ def test_an_interrupted_run_goes_on_where_it_was(tmp_path, data, plan, fake_rend
     assert fake_renderer == [sample.seed for sample in plan.samples[2:]]
     assert content(data) == content(tmp_path / "whole")
     assert labels(data).equals(labels(tmp_path / "whole"))
+
+
+def be_removed(data):
+    shutil.rmtree(data)
+
+
+def be_moved(data):
+    data.rename(data.with_name("moved"))
+
+
+@pytest.mark.parametrize("way", [be_removed, be_moved])
+def test_a_dataset_that_is_removed_meanwhile_is_not_made_anew(data, plan, fake_renderer, monkeypatch, way):
+    advance = fgf_warp.renderer.advance
+
+    def remove_after_the_second(*arguments):
+        for image in advance(*arguments):
+            if len(fake_renderer) == 2:
+                while len(Dataset(data).complete()) < 2:
+                    time.sleep(0.01)
+                way(data)
+            yield image
+
+    monkeypatch.setattr(fgf_warp.renderer, "advance", remove_after_the_second)
+    with pytest.raises(GoneError, match=r"plan.parquet is gone: the dataset was removed or moved while a run was at"):
+        generate(plan, TEXT, data)
+    assert not data.exists()
+
+
+def test_a_removed_dataset_ends_the_command_with_what_to_know(tmp_path, data, fake_renderer, monkeypatch):
+    monkeypatch.setattr(Store, "check_there", lambda self: (_ for _ in ()).throw(GoneError(f"{data}: is gone")))
+    outcome = CliRunner().invoke(app, ["generate", str(write_config(tmp_path)), "--out", str(data)])
+    assert outcome.exit_code == 3, outcome.output
+    assert [line for line in outcome.stderr.splitlines() if "gone" in line] == [f"error: {data}: is gone"]
+
+
+def test_a_changed_plan_is_not_published_as_if_it_were_the_datasets(data, plan, fake_renderer):
+    generate(plan, TEXT, data)
+    meta, table = read_plan((data / layout.PLAN).read_bytes(), "")
+    for changed in (write_plan(replace(meta, description="changed"), table), write_plan(meta, table.slice(0, 3))):
+        (data / layout.PLAN).write_bytes(changed)
+        with pytest.raises(CorruptFileError, match=r"plan.parquet: is not as it was written; fgf verify --repair"):
+            generate(plan, TEXT, data)
 
 
 def test_a_full_disk_ends_the_run_and_leaves_what_is_finished(tmp_path, data, plan, fake_renderer, monkeypatch):
