@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from fnmatch import fnmatch
 from pathlib import Path
+from threading import Lock
 
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
@@ -25,6 +26,10 @@ MOST_BYTES = 2**29
 """Of any file but an image: labels of a million samples are as large."""
 READERS = 32
 """Requests at a time: an object store answers each after tens of milliseconds."""
+
+
+_CLEARING = Lock()
+"""Of the threads that write samples, one at a time looks what stands in the way."""
 
 
 class GoneError(OutputError):
@@ -203,9 +208,7 @@ class Store:
             path = self.folder
             for part in name.split("/"):
                 path /= part
-                if not path.is_dir():
-                    move_aside(path)
-                    path.mkdir(exist_ok=True)
+                _make_folder(path)
 
     def clear_way(self, name: str, *, even_files: bool = False) -> None:
         """Moves a folder, or what else is no file, aside that stands where a file is to be.
@@ -359,8 +362,7 @@ def _commit_folder(target: Path, hidden: Path, files: Mapping[str, bytes], repla
                 file.flush()
                 os.fsync(file.fileno())
     flush_to_disk(hidden)
-    if not target.is_dir():
-        move_aside(target)
+    _clear_for_folder(target)
     try:
         hidden.rename(target)
     except OSError:
@@ -378,6 +380,21 @@ def _commit_folder(target: Path, hidden: Path, files: Mapping[str, bytes], repla
             shutil.rmtree(old, ignore_errors=True)
     flush_to_disk(target.parent)
     return True
+
+
+def _make_folder(path: Path) -> None:
+    """Others may be making the same folder now, and none of theirs may be taken for what stands in the way."""
+    try:
+        path.mkdir(exist_ok=True)
+    except FileExistsError:
+        _clear_for_folder(path)
+        path.mkdir(exist_ok=True)
+
+
+def _clear_for_folder(path: Path) -> None:
+    with _CLEARING:
+        if (path.exists() or path.is_symlink()) and not path.is_dir():
+            move_aside(path)
 
 
 def _holds_others(folder: Path, files: Mapping[str, bytes]) -> bool:

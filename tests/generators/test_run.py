@@ -10,6 +10,7 @@ import threading
 import time
 import uuid
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import pytest
@@ -644,3 +645,23 @@ def test_a_disk_that_is_full_and_then_larger(tmp_path, small_disk, fake_renderer
     assert (report.reused, report.is_complete) == (len(finished), True)
     generate(plan, TEXT, tmp_path / "whole")
     assert content(small_disk / "data") == content(tmp_path / "whole")
+
+
+def test_folders_that_others_make_meanwhile_are_not_moved_aside(tmp_path):
+    """Each round, sixteen threads make the folders of a new dataset at once; a file that stands there moves once."""
+    for round_ in range(30):
+        data = tmp_path / str(round_)
+        data.mkdir()
+        if round_ % 2:
+            (data / "data").write_text("a file of someone else")
+        place = Store(data)
+
+        def put(index, place=place):
+            with place.workspace(f"data/train/{index:06d}") as folder:
+                (folder / "a").write_text("")
+                place.commit(f"data/train/{index:06d}", {"a": b"", "record.json": b""}, made_in=folder)
+
+        with ThreadPoolExecutor(16) as pool:
+            list(pool.map(put, range(16)))
+        assert len(list((data / "data/train").glob("*/record.json"))) == 16
+        assert [path.name for path in sorted(data.iterdir())] == ["data", *(["data.aside"] if round_ % 2 else [])]
