@@ -16,6 +16,8 @@ DEFAULT_DEPTHS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 """sigma_m t of the lengths where none are asked for."""
 
 
+# Whatever passes the range of numbers on the way is told by what comes out.
+@np.errstate(all="ignore")
 def evaluate_law(
     *,
     hurst: float,
@@ -62,17 +64,13 @@ def evaluate_law(
     t = np.array(_default_lengths(mean_extinction, reach) if lengths is None else lengths, dtype=np.float64)
     if not (np.isfinite(t) & (t >= 0)).all():
         raise ConfigError(f"t = {', '.join(f'{value:g}' for value in t)}; accepted: finite numbers >= 0")
-    # Whatever passes the range of numbers on the way is told by what comes out.
-    with np.errstate(all="ignore"):
-        u = mean_extinction * t
+    u = mean_extinction * t
     if (t > reach).any():
         raise ConfigError(f"t = {t.max():g}; accepted with the exact variance: at most {reach:.6g}, where the law ends")
     # At u = 0 the formulas need kappa u^b, which for b < 0 has no value; the limits are known.
-    with np.errstate(all="ignore"):
-        inside = law.eval_kernels(np.where(u > 0, u, 1.0))
-        transmittance = np.where(u > 0, inside.transmittance_ss, 1.0)
-        density = np.where(u > 0, inside.density_sm, initial_rate(law.b, law.kappa))
-        rate = mean_extinction * density
+    inside = law.eval_kernels(np.where(u > 0, u, 1.0))
+    transmittance = np.where(u > 0, inside.transmittance_ss, 1.0)
+    rate = mean_extinction * np.where(u > 0, inside.density_sm, initial_rate(law.b, law.kappa))
     if not np.isfinite([u, transmittance, rate]).all():
         place = int(np.argmin(np.isfinite([u, transmittance, rate]).all(axis=0)))
         raise ConfigError(
