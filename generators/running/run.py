@@ -172,6 +172,8 @@ def generate(
         except FgfError as error:
             with suppress(OutputError):
                 log.write("end", error=str(error))
+            if isinstance(error, OutputError):
+                store.check_there()  # which is then what there is to know
             raise
         return report
 
