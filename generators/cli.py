@@ -251,6 +251,8 @@ app.command()(tradeoff)
 
 def main() -> None:
     """Entry point of the console script."""
+    # What a library meets when it clears away after an error is nothing that a user could act on.
+    sys.unraisablehook = lambda _: None
     app()
 
 

@@ -135,6 +135,11 @@ def _is_plan(meta: PlanMeta, table: pa.Table) -> bool:
     values = [(entry.type, getattr(part, entry.name)) for part in parts for entry in fields(part)]
     if not all(isinstance(value, types.get(str(kind), object)) for kind, value in values):
         return False
+    for axis in meta.axes:
+        # What a table's head cannot hold, and values that no place on the contact sheet is for.
+        f"{meta.digest}{axis.name}{axis.target}{axis.unit}".encode()
+        if axis.values is not None and not set(table[axis.name].to_pylist()) <= set(axis.values):
+            return False
     needed = {INDEX, SPLIT, SEED, *(axis.name for axis in meta.axes)}
     return (
         needed <= set(table.column_names)
