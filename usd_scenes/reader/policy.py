@@ -40,7 +40,9 @@ class Policy:
             SceneError: where the stage is read strictly.
         """
         if self.strict:
-            raise SceneError(f"{path}: {text}")
+            # Nothing is done about it, and a value follows its attribute's path.
+            found = text.rpartition("; ")[0] or text
+            raise SceneError(f"{path} {found}" if found.startswith("= ") else f"{path}: {found}")
         self.notes.add(text, path)
 
     @contextmanager
