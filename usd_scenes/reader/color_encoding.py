@@ -9,13 +9,12 @@ from __future__ import annotations
 import re
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import Any, BinaryIO, Literal
 
 import numpy as np
-import OpenImageIO as oiio  # noqa: N813 - the name that its own documentation uses
 
 Transfer = Literal["linear", "sRGB"] | float
 """From encoded to linear values; a number is the exponent of a power."""
@@ -58,24 +57,24 @@ CURVE_TOLERANCE = 0.003
 COLORANT_TOLERANCE = 0.01
 
 
-def read_encoding(file: str, spec: oiio.ImageSpec, file_format: str) -> Encoding:
+def read_encoding(file: str, metadata: Callable[[str], Any], file_format: str) -> Encoding:
     """What a file says of its colors.
 
     Args:
         file: its path.
-        spec: what OpenImageIO read of it.
+        metadata: gives what OpenImageIO read of it by name, None of what is not there.
         file_format: OpenImageIO's name of the format.
     """
     if file_format == "png":
         with Path(file).open("rb") as opened:
             return _png_encoding(opened)
-    profile = spec.getattribute("ICCProfile")
+    profile = metadata("ICCProfile")
     if profile is not None:
         return _profile_encoding(bytes(np.asarray(profile, dtype=np.uint8)))
     if file_format in NAMING_FORMATS:
-        name = spec.getattribute("oiio:ColorSpace")
+        name = metadata("oiio:ColorSpace")
         return _named_encoding(str(name)) if name else Encoding()
-    return Encoding("sRGB") if spec.getattribute("Exif:ColorSpace") == 1 else Encoding()
+    return Encoding("sRGB") if metadata("Exif:ColorSpace") == 1 else Encoding()
 
 
 def decode(encoded: np.ndarray, transfer: Transfer) -> np.ndarray:

@@ -107,7 +107,11 @@ def _decoded(file: str, name: str, color_space: ColorSpace) -> ImageFile:
         file_format = reader.format_name()
     finally:
         reader.close()
-    said = read_encoding(file, spec, file_format) if color_space == "auto" else Encoding(TRANSFERS[color_space])
+    said = (
+        read_encoding(file, spec.getattribute, file_format)
+        if color_space == "auto"
+        else Encoding(TRANSFERS[color_space])
+    )
     usual: Transfer = "sRGB" if is_8_bit and spec.nchannels >= 3 else "linear"
     transfer = usual if said.transfer is None else said.transfer
     rgba = _rgba(pixels, 255 if is_8_bit else 1, spec.alpha_channel)
