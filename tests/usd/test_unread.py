@@ -41,7 +41,7 @@ def test_names_that_are_not_quite_right_are_told(read, kind: str, body: str, mea
     name = body.split(" =", maxsplit=1)[0].rsplit(maxsplit=1)[-1]
     prim = f'def {kind} "P"\n{{\n{body}\n}}\n'
     assert unread(read(BALL + prim)) == [f"is not read: {meant} may be meant: /P.{name}"]
-    with pytest.raises(SceneError, match=f"/P.{name}: is not read: {meant} may be meant"):
+    with pytest.raises(SceneError, match=f"/P.{name} is not read: {meant} may be meant"):
         read(BALL + prim, strict=True)
 
 

@@ -87,4 +87,4 @@ def _without_path(path: str, text: str) -> str:
 def _found(path: object, text: str) -> str:
     """What `Policy.mend` is told, without what would be done; a value follows its attribute's path."""
     found = text.rpartition("; ")[0] or text
-    return f"{path} {found}" if found.startswith("= ") else f"{path}: {found}"
+    return f"{path} {found}" if found.startswith(("= ", "is ")) else f"{path}: {found}"

@@ -108,7 +108,7 @@ class PropertyCheck:
                 if name not in READ and name.rpartition(":")[0] in NAMESPACES and _says_something(prim, name):
                     self._context.notes.add(f"{name} is not read", prim.GetPath())
             elif meant := self._meant(kind, name):
-                if not (is_authored(prim.GetAttribute(meant)) and meant != name):
+                if not prim.GetProperty(meant).IsAuthored():
                     self._context.mend(f"is not read: {meant} may be meant", prim.GetPath().AppendProperty(name))
             elif kind.has_inputs and name.startswith(INPUTS) and ":" not in name.removeprefix(INPUTS):
                 text = f"is not read: a {kind.label} has no such input"
