@@ -67,6 +67,16 @@ def test_values_that_cannot_be_are_mended_or_refused(read, kind: str, body: str,
         read(prim, light="", strict=True)
 
 
+@pytest.mark.parametrize("kind", ["RectLight", "DistantLight", "DomeLight"])
+@pytest.mark.parametrize("name", ["intensity", "color", "shaping:cone:angle", "shaping:focus", "texture:file"])
+@pytest.mark.parametrize("value", ['string inputs:{} = "x"', "float[] inputs:{} = [1]"])
+def test_values_of_another_type_cost_that_input(read, kind: str, name: str, value: str) -> None:
+    reading = read(lamp(kind, value.format(name), SHAPING), light="")
+    assert only_light(reading).name == "/Lamp"
+    is_read = not (name.startswith("shaping") and kind != "RectLight")  # Of the others shaping is not rendered.
+    assert any(name in text or (not is_read and "ShapingAPI" in text) for text in reading.warnings)
+
+
 def test_what_is_used_in_their_place(read) -> None:
     hot = only_light(read(lamp("DomeLight", WARM.format(12000)), light=""))
     assert hot.radiance == pytest.approx(tuple(UsdLux.BlackbodyTemperatureAsRgb(10000)))

@@ -131,6 +131,7 @@ def test_pixels_of_a_texture_that_are_no_numbers_are_told(read, tmp_path: Path) 
         ("color3f[] primvars:displayColor = [(-1e-5, 0.5, nan)]", "diffuse", (0, 0.5, 0.18), "(-1e-05, 0.5, nan)"),
         ("float[] primvars:displayOpacity = [1.5]", "opacity", 1, "(1.5)"),
         ("float[] primvars:displayOpacity = [nan]", "opacity", 1, "(nan)"),
+        ("float primvars:displayOpacity = 2", "opacity", 1, "(2)"),
     ],
 )
 def test_display_colors_are_cut_with_one_warning(read, primvar: str, field: str, used, found: str) -> None:

@@ -59,6 +59,12 @@ def test_inputs_of_shaders_that_are_none_are_told(read, inputs: str, text: str) 
     assert unread(read(preview_sphere(inputs))) == [f"is not read: {text}: /Look/Surface.{name}"]
 
 
+def test_inputs_of_lights_that_are_none_are_told(read) -> None:
+    light = 'def DiskLight "L"\n{\nasset inputs:texture:file = @a.png@\nfloat inputs:sparkle = 1\n}\n'
+    paths = "/L.inputs:sparkle, /L.inputs:texture:file"
+    assert unread(read(BALL + light)) == [f"is not read: a DiskLight has no such input: {paths}"]
+
+
 def test_prims_with_one_fault_have_one_warning(read) -> None:
     lamps = "".join(f'def SphereLight "L{i}"\n{{\nfloat intensity = 1\n}}\n' for i in range(3))
     paths = ", ".join(f"/L{i}.intensity" for i in range(3))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from pxr import Usd
+from pxr import Sdf, Usd
 
 from fgf_warp.scene import Image
 from usd_scenes.reader.context import StageContext
@@ -22,7 +22,7 @@ def read_light_image(prim: Usd.Prim, context: StageContext) -> Image | None:
     """
     attribute = prim.GetAttribute("inputs:texture:file")
     asset = attribute.Get(context.time)
-    if not asset or not asset.path:
+    if asset is None or (isinstance(asset, Sdf.AssetPath) and not asset.path):
         return None
     file = read_image(attribute, context, done=PLAIN)
     if file is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
@@ -173,9 +173,13 @@ def _shapes(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
         return False
     api = UsdLux.ShapingAPI(prim)
     angle = api.GetShapingConeAngleAttr()
-    has_cone = is_authored(angle) and not angle.Get(time) >= 90
+    has_cone = is_authored(angle) and _differs(angle.Get(time), lambda degrees: degrees >= 90)
     others = (api.GetShapingConeSoftnessAttr(), api.GetShapingFocusAttr())
-    return has_cone or any(attribute.Get(time) != 0 for attribute in others)
+    return has_cone or any(_differs(attribute.Get(time), lambda number: number == 0) for attribute in others)
+
+
+def _differs(value: object, is_harmless: Callable[[float], bool]) -> bool:
+    return not (isinstance(value, int | float) and is_harmless(value))
 
 
 def _note_unapplied(prim: Usd.Prim, context: StageContext) -> None:

@@ -119,11 +119,12 @@ def cut_display(primvar: UsdGeom.Primvar, values: np.ndarray, context: StageCont
     Raises:
         SceneError: in place of the warning, where the stage is read strictly.
     """
-    fallback = DISPLAY_FALLBACKS[primvar.GetPrimvarName()]
-    own = np.asarray(primvar.Get(context.time), dtype=np.float64)
-    outside = ~((own >= 0) & (own <= 1)).reshape(len(own), -1).all(axis=1)
+    name = primvar.GetPrimvarName()
+    fallback = DISPLAY_FALLBACKS[name]
+    own = np.asarray(primvar.Get(context.time), dtype=np.float64).reshape(-1, 3 if name == "displayColor" else 1)
+    outside = ~((own >= 0) & (own <= 1)).all(axis=1)
     at = int(np.argmax(outside))
-    found = ", ".join(shown(as_written(number)) for number in np.atleast_1d(own[at]))
+    found = ", ".join(shown(as_written(number)) for number in own[at])
     text = (
         f"{int(outside.sum())} of {len(own)} values are out of [0, 1], the first is [{at}] = ({found}); numbers are "
         f"cut to [0, 1], and what is none becomes {fallback:g}"

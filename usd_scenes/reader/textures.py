@@ -29,7 +29,7 @@ def read_image(
     """
     asset = attribute.Get(context.time)
     if not isinstance(asset, Sdf.AssetPath) or not asset.path:
-        context.mend("names no picture", attribute.GetPath())
+        context.mend("names no picture" + (f"; {done}" if done else ""), attribute.GetPath())
         return None
     return _read_file(asset.resolvedPath, asset.path, attribute, context, color_space, done)
 

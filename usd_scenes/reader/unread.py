@@ -6,6 +6,7 @@ warning is due.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -53,6 +54,8 @@ READ_TYPES = frozenset(TYPES.split())
 SHADER_KINDS = ("UsdPreviewSurface", "UsdUVTexture", "UsdTransform2d", "UsdPrimvarReader_")
 FOREIGN = ("primvars", "xformop", "userproperties", "collection", "fgf", "outputs")
 INPUTS = "inputs:"
+OWN_INPUT = re.compile(r"inputs:(texture:)?[^:]+")
+"""An input of USD's own lights and shaders."""
 LIGHT_APIS = ("ShapingAPI", "ShadowAPI")
 SHORT, LONG = 5, 8
 """Letters from which on a name with one letter, or with two, that are not as they should be is recognized."""
@@ -110,7 +113,7 @@ class PropertyCheck:
             elif meant := self._meant(kind, name):
                 if not prim.GetProperty(meant).IsAuthored():
                     self._context.mend(f"is not read: {meant} may be meant", prim.GetPath().AppendProperty(name))
-            elif kind.has_inputs and name.startswith(INPUTS) and ":" not in name.removeprefix(INPUTS):
+            elif kind.has_inputs and OWN_INPUT.fullmatch(name):
                 text = f"is not read: a {kind.label} has no such input"
                 self._context.notes.add(text, prim.GetPath().AppendProperty(name))
 
