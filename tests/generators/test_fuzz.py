@@ -10,7 +10,7 @@ import pytest
 
 from tests.generators.fuzz import Examiner, damage, make_whole
 
-FEW, MANY = 16, 2000
+FEW, MANY = 12, 2000
 
 
 @pytest.fixture(scope="module")

@@ -134,6 +134,7 @@ ODD_PLACES = (
 )
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("place", ODD_PLACES)
 @pytest.mark.parametrize("command", ["status", "verify", "report"])
 def test_an_odd_place_is_refused_in_a_line(place, command, tmp_path, monkeypatch):
