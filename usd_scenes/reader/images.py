@@ -64,6 +64,16 @@ class ImageFiles:
         return found
 
 
+def is_picture(path: str) -> bool:
+    """Whether a file on disk begins as a picture does; whether all of it can be read is not known."""
+    reader = oiio.ImageInput.open(path)
+    if reader is None:
+        oiio.geterror()  # else it would be told with the next one
+        return False
+    reader.close()
+    return True
+
+
 def _read(path: str, color_space: ColorSpace) -> ImageFile:
     if Path(path).is_file():
         return _decoded(path, path, color_space)
