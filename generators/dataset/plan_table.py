@@ -61,6 +61,8 @@ class PlanMeta:
         device: kind of device, ``cpu`` or ``cuda``: they round differently.
         description: a sentence of the author's.
         license: SPDX identifier.
+        stages: names of the stages that the dataset holds, see `generators.dataset.layout.SCENE`; a dataset of before
+            this was kept holds none.
     """
 
     name: str
@@ -80,6 +82,7 @@ class PlanMeta:
     device: str = "cpu"
     description: str = ""
     license: str = ""
+    stages: tuple[str, ...] = ()
 
 
 def is_open(quality: Mapping[str, Any]) -> bool:
@@ -117,6 +120,7 @@ def read_plan(content: bytes, name: str) -> tuple[PlanMeta, pa.Table]:
             AxisMeta(**{**axis, "values": None if axis["values"] is None else tuple(axis["values"])})
             for axis in found.pop("axes")
         )
-        return PlanMeta(**{**found, "axes": axes, "aovs": tuple(found["aovs"])}), table
+        listed = {name: tuple(found.get(name, ())) for name in ("aovs", "stages")}
+        return PlanMeta(**{**found, "axes": axes, **listed}), table
     except (pa.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
         raise CorruptFileError(f"{name}: is damaged or not the plan of a dataset") from error

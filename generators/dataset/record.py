@@ -6,12 +6,15 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 from fgf_warp.errors import CorruptFileError
 
 OWN_HASH = "sha256"
 """Key of the hash of all else that a note says."""
+STAGES_COME_BACK = "fgf generate with the config that the dataset was made from writes the stages anew"
+"""What heals stages, which do not follow from the rest of a dataset."""
 
 
 @dataclass(frozen=True)
@@ -90,12 +93,29 @@ class Failure:
     attempts: int
 
 
+@dataclass(frozen=True)
+class SceneRecord:
+    """What the stages of a dataset are made of.
+
+    Args:
+        files: of the folder, by name.
+    """
+
+    files: Mapping[str, FileEntry]
+
+
 def file_entry(content: bytes) -> FileEntry:
     """Size and hash of a file's content."""
     return FileEntry(len(content), hashlib.sha256(content).hexdigest())
 
 
-def encode(value: Record | Timing | Failure) -> bytes:
+def file_entry_at(path: Path) -> FileEntry:
+    """Size and hash of a file, which may be large."""
+    with path.open("rb") as file:
+        return FileEntry(path.stat().st_size, hashlib.file_digest(file, "sha256").hexdigest())
+
+
+def encode(value: Record | Timing | Failure | SceneRecord) -> bytes:
     """As JSON, equal for equal values, with a hash of itself: nothing else tells whether a number in it has changed.
 
     What is None is left out.
@@ -135,6 +155,14 @@ def decode_failure(content: bytes, name: str) -> Failure:
         return Failure(**_decode(content, name))
     except TypeError as error:
         raise _damaged(name) from error
+
+
+def decode_scene_record(content: bytes, name: str) -> SceneRecord:
+    """Reads a ``files.json``; raises as `decode_record` does."""
+    try:
+        return SceneRecord({key: FileEntry(**entry) for key, entry in _decode(content, name)["files"].items()})
+    except (CorruptFileError, KeyError, TypeError, AttributeError) as error:
+        raise CorruptFileError(f"{name}: is damaged; {STAGES_COME_BACK}") from error
 
 
 def _decode(content: bytes, name: str) -> dict[str, Any]:

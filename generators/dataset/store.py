@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import shutil
+import tempfile
 import uuid
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from fnmatch import fnmatch
@@ -131,6 +132,35 @@ class Store:
             else:
                 self._fs.pipe_file(self._path(name), content)
 
+    def fetch(self, name: str, path: Path) -> None:
+        """Copies a file to this machine.
+
+        Raises:
+            FileNotFoundError: where there is none.
+        """
+        self._fs.get_file(self._path(name), str(path))
+
+    def place(self, folder: str, fill: Callable[[Path], None], last: str) -> None:
+        """Writes a folder of files, whole, in the place of an older one.
+
+        Args:
+            folder: its name.
+            fill: writes its files into a folder of this machine, and to the disk.
+            last: the file that in an object store, where each appears for itself, comes last.
+
+        Raises:
+            OutputError: where it cannot be written; an older one is as before, but in an object store.
+        """
+        with self._writing(folder):
+            if self.folder:
+                _place_folder(self.folder / folder, fill)
+                return
+            with tempfile.TemporaryDirectory(prefix="fgf-") as temporary:
+                fill(Path(temporary))
+                self.remove(folder)
+                for path in sorted(Path(temporary).iterdir(), key=lambda path: (path.name == last, path.name)):
+                    self._fs.put_file(str(path), self._path(f"{folder}/{path.name}"))
+
     def upload(self, folder: Path) -> None:
         """Writes all files of a folder on this machine; those that are there already are removed should one fail.
 
@@ -216,6 +246,22 @@ def _commit_folder(target: Path, files: dict[str, bytes], replaces: bool) -> boo
             shutil.rmtree(old)
         flush_to_disk(target.parent)
         return True
+    except BaseException:
+        shutil.rmtree(hidden, ignore_errors=True)
+        raise
+
+
+def _place_folder(target: Path, fill: Callable[[Path], None]) -> None:
+    """By way of a hidden folder that is on the disk before it gets its name."""
+    hidden = _hidden(target)
+    try:
+        hidden.mkdir()
+        fill(hidden)
+        flush_to_disk(hidden)
+        if target.is_dir():
+            shutil.rmtree(target.rename(_hidden(target)))
+        hidden.rename(target)
+        flush_to_disk(target.parent)
     except BaseException:
         shutil.rmtree(hidden, ignore_errors=True)
         raise

@@ -13,6 +13,7 @@ from generators.dataset import layout
 from generators.dataset.plan_table import read_plan
 from generators.dataset.store import Store
 from generators.running.shard import Shard, samples_of
+from generators.running.stages import Tell, keep_stages
 
 if TYPE_CHECKING:
     from generators.planning.plan import Plan
@@ -23,22 +24,27 @@ SHARD_LOCK = "shard-*-of-*.lock"
 
 
 @contextmanager
-def opened(plan: Plan, config: bytes | None, store: Store, shard: Shard) -> Iterator[list[int]]:
+def opened(
+    plan: Plan, config: bytes | None, store: Store, shard: Shard, tell: Tell | None = None
+) -> Iterator[list[int]]:
     """Holds a shard of a dataset, which is made or found to be of this plan.
 
     In an object store, which has no locks, nothing keeps a second run out; each sample is committed once all the same.
 
     Args:
         plan: of the dataset.
-        config: that it was made from, as YAML; kept with a new dataset; None leaves what there is.
+        config: that it was made from, as YAML; kept with a new dataset, as are the plan's stages; None leaves what
+            there is.
         store: of the dataset.
         shard: to hold.
+        tell: see `Tell`.
 
     Yields:
         The indices of the shard's samples, those of equal scenes after each other.
 
     Raises:
         ConfigError: where there is something else, or where another run holds samples of the shard.
+        CorruptFileError: where the plan was made of the dataset's own stages, and these are damaged.
         OutputError: where nothing can be written.
     """
     indices = samples_of(plan, shard)
@@ -55,6 +61,8 @@ def opened(plan: Plan, config: bytes | None, store: Store, shard: Shard) -> Iter
             for name, content in ((layout.PLAN, plan.to_bytes()), (layout.CONFIG, config)):
                 if content is not None and not store.exists(name):
                     store.write(name, content)
+            if config is not None:
+                keep_stages(plan, store, tell)
         yield indices
 
 
