@@ -21,6 +21,7 @@ from pathlib import Path, PurePosixPath
 
 from pxr import Ar, Sdf, Tf, UsdShade, UsdUtils
 
+from fgf_warp.errors import SceneError
 from usd_scenes import schema
 from usd_scenes.reader.diagnostics import usd_errors_as_scene_errors
 from usd_scenes.reader.images import is_picture
@@ -121,6 +122,8 @@ class StageFiles:
     def _add_layer(self, source: str, variables: Variables, name: str) -> None:
         """Takes a layer with other paths in it, and asks for what these name."""
         anchor, layer = Sdf.Layer.FindOrOpen(source), Sdf.Layer.CreateAnonymous()
+        if anchor is None:
+            raise SceneError(f"{source}: is not there, or is no layer of USD")
         layer.TransferContent(anchor)
         own, offsets = dict(layer.expressionVariables), list(layer.subLayerOffsets)
         # What a layer says of variables gives way to what those say that it is referenced by.
