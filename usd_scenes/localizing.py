@@ -38,8 +38,8 @@ FRAME = re.compile("#+")
 """Stands in the template of value clips for a clip's number."""
 FRAME_NUMBER = r"(-?\d+)"
 UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
-NAME_LONGEST = 100
-"""Characters of a name without its suffix."""
+NAME_LONGEST, SUFFIX_LONGEST = 100, 20
+"""Characters of a name without its suffix, and of the suffix."""
 
 Variables = Mapping[str, object]
 """Values of a stage's expression variables, of which paths may be made."""
@@ -237,7 +237,7 @@ def _candidates(base: str) -> Iterator[str]:
         stem, dot, suffix = base, "", ""
     parts = [_harmless(part) for part in re.split(f"({UDIM}|#+)", stem)]
     stem = "".join(parts)[:NAME_LONGEST].lstrip(".") or "file"
-    suffix = dot + UNSAFE.sub("_", suffix)
+    suffix = dot + UNSAFE.sub("_", suffix)[:SUFFIX_LONGEST]
     yield stem + suffix
     number = 2
     while True:

@@ -58,11 +58,12 @@ def opened(
                 held.enter_context(hold(_shard_lock(store.folder / layout.RUN, shard), wait=False))
             store.sweep([layout.sample_name(index) for index in indices])
             # The plan first: a folder with other files and no plan is refused, by a run that goes on after a kill too.
-            for name, content in ((layout.PLAN, plan.to_bytes()), (layout.CONFIG, config)):
-                if content is not None and not store.exists(name):
-                    store.write(name, content)
+            if not store.exists(layout.PLAN):
+                store.write(layout.PLAN, plan.to_bytes())
             if config is not None:
                 keep_stages(plan, store, tell)
+                if not store.exists(layout.CONFIG):
+                    store.write(layout.CONFIG, config)
         yield indices
 
 
