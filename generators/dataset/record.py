@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from fgf_warp.errors import CorruptFileError
@@ -160,9 +160,14 @@ def decode_failure(content: bytes, name: str) -> Failure:
 def decode_scene_record(content: bytes, name: str) -> SceneRecord:
     """Reads a ``files.json``; raises as `decode_record` does."""
     try:
-        return SceneRecord({key: FileEntry(**entry) for key, entry in _decode(content, name)["files"].items()})
+        files = {key: FileEntry(**entry) for key, entry in _decode(content, name)["files"].items()}
     except (CorruptFileError, KeyError, TypeError, AttributeError) as error:
         raise CorruptFileError(f"{name}: is damaged; {STAGES_COME_BACK}") from error
+    for key in files:
+        # A name that leads elsewhere would have a stranger's dataset write there.
+        if key in ("", "..") or key != PurePosixPath(key).name or "\\" in key:
+            raise CorruptFileError(f"{name}: names {key!r}; accepted: files of its own folder")
+    return SceneRecord(files)
 
 
 def _decode(content: bytes, name: str) -> dict[str, Any]:

@@ -85,8 +85,11 @@ def read_scene_record(store: Store) -> SceneRecord | None:
 
 
 def _misread(store: Store, path: str, sha256: str) -> list[Problem]:
+    if store.folder and not (store.folder / path).is_file():
+        return [(path, "is no file", "a file that can be read")]
     try:
-        found = file_entry(store.read(path)).sha256
+        # Of a folder, without holding it in memory: pictures may be large.
+        found = (file_entry_at(store.folder / path) if store.folder else file_entry(store.read(path))).sha256
     except OSError as error:
         return [(path, f"cannot be read: {error.strerror or error}", "a file that can be read")]
     return [] if found == sha256 else [(path, f"sha256 {found}", f"{sha256}, as {layout.SCENE_RECORD} says")]

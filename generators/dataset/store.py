@@ -141,24 +141,24 @@ class Store:
         self._fs.get_file(self._path(name), str(path))
 
     def place(self, folder: str, fill: Callable[[Path], None], last: str) -> None:
-        """Writes a folder of files, whole, in the place of an older one.
+        """Writes a folder of files, whole; one that is there gets them one by one, and keeps what else is in it.
 
         Args:
             folder: its name.
             fill: writes its files into a folder of this machine, and to the disk.
-            last: the file that in an object store, where each appears for itself, comes last.
+            last: the file that tells of the others; where they appear one by one, it goes first and comes last.
 
         Raises:
-            OutputError: where it cannot be written; an older one is as before, but in an object store.
+            OutputError: where it cannot be written.
         """
         with self._writing(folder):
             if self.folder:
-                _place_folder(self.folder / folder, fill)
+                _place_folder(self.folder / folder, fill, last)
                 return
             with tempfile.TemporaryDirectory(prefix="fgf-") as temporary:
                 fill(Path(temporary))
-                self.remove(folder)
-                for path in sorted(Path(temporary).iterdir(), key=lambda path: (path.name == last, path.name)):
+                self.remove(f"{folder}/{last}")
+                for path in _last_of(Path(temporary), last):
                     self._fs.put_file(str(path), self._path(f"{folder}/{path.name}"))
 
     def upload(self, folder: Path) -> None:
@@ -251,7 +251,7 @@ def _commit_folder(target: Path, files: dict[str, bytes], replaces: bool) -> boo
         raise
 
 
-def _place_folder(target: Path, fill: Callable[[Path], None]) -> None:
+def _place_folder(target: Path, fill: Callable[[Path], None], last: str) -> None:
     """By way of a hidden folder that is on the disk before it gets its name."""
     hidden = _hidden(target)
     try:
@@ -259,12 +259,20 @@ def _place_folder(target: Path, fill: Callable[[Path], None]) -> None:
         fill(hidden)
         flush_to_disk(hidden)
         if target.is_dir():
-            shutil.rmtree(target.rename(_hidden(target)))
-        hidden.rename(target)
+            (target / last).unlink(missing_ok=True)
+            for path in _last_of(hidden, last):
+                path.replace(target / path.name)
+            flush_to_disk(target)
+        else:
+            hidden.rename(target)
         flush_to_disk(target.parent)
-    except BaseException:
+    finally:
         shutil.rmtree(hidden, ignore_errors=True)
-        raise
+
+
+def _last_of(folder: Path, last: str) -> list[Path]:
+    """The files of a folder, one of them behind the others."""
+    return sorted(folder.iterdir(), key=lambda path: (path.name == last, path.name))
 
 
 def _hidden(folder: Path) -> Path:

@@ -17,6 +17,7 @@ from generators.cli import app
 from generators.dataset import layout, scene_files
 from generators.dataset.plan_table import read_plan, write_plan
 from generators.dataset.reader import Dataset
+from generators.dataset.record import SceneRecord, decode_scene_record, encode, file_entry
 from generators.dataset.store import Store
 from generators.planning.document import load_config
 from generators.planning.plan import build_plan
@@ -285,9 +286,19 @@ def test_a_damaged_stage_is_named_and_comes_back_from_the_original(tmp_path, fak
     assert f"{name} cannot be made anew of the dataset alone: fgf generate with the config that" in told
     with pytest.raises((CorruptFileError, ConfigError)):
         make(config_of(data), data)
+    (data / "scene/mine.txt").write_text("mine")
     make(config, data)
-    assert content(data) == before
+    assert content(data).items() >= before.items()
+    assert (data / "scene/mine.txt").read_text() == "mine"
+    (data / "scene/mine.txt").unlink()
     assert verify_dataset(Dataset(data)).is_whole
+
+
+@pytest.mark.parametrize("name", ["../config.yaml", "/tmp/x", "a/b.png", "..", "", "a\\b"])
+def test_no_dataset_names_files_outside_of_its_stage(name):
+    record = encode(SceneRecord({name: file_entry(b"x")}))
+    with pytest.raises(CorruptFileError, match="accepted: files of its own folder"):
+        decode_scene_record(record, "files.json")
 
 
 def test_what_does_not_belong_to_a_stage_is_named_and_stays(tmp_path, fake_renderer):
