@@ -74,14 +74,22 @@ def repair_dataset(location: str, found: Verification) -> Iterator[str]:
             yield f"{damaged.name} cannot be made anew of the dataset alone: {STAGES_COME_BACK}"
     yield from _render_damaged(dataset, found)
     if any(finding.name == layout.CARD for finding in found.of(Kind.DAMAGED)) and dataset.store.exists(layout.CARD):
-        dataset.store.write(OLD_CARD, dataset.store.read(layout.CARD))
-        yield f"kept the card that was there as {OLD_CARD}"
+        yield _keep_card(dataset.store)
     try:
         with sole(dataset.store):
             publish(dataset)
         yield "wrote labels, metadata, card and contact sheet"
     except CorruptFileError as error:
         yield f"labels, metadata, card and contact sheet stay as they are: {error}"
+
+
+def _keep_card(store: Store) -> str:
+    try:
+        store.write(OLD_CARD, store.read(layout.CARD))
+    except CorruptFileError as error:
+        store.clear_way(layout.CARD, even_files=True)
+        return f"moved the card that was there aside: {error}"
+    return f"kept the card that was there as {OLD_CARD}"
 
 
 def _render_damaged(dataset: Dataset, found: Verification) -> Iterator[str]:

@@ -16,7 +16,7 @@ from generators.checking.samples import READABLE, check_sample
 from generators.checking.scene import check_scene, scene_files
 from generators.checking.spread import check_spread
 from generators.dataset import layout
-from generators.dataset.plan_table import INDEX, SPLIT
+from generators.dataset.plan_table import SPLIT
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Failure
 from generators.dataset.store import Store
@@ -40,13 +40,10 @@ def check_plan(location: str) -> Finding | None:
     if not store.exists(layout.PLAN) and (store.exists(layout.CONFIG) and store.sizes(layout.DATA)):
         return Finding(Kind.DAMAGED, layout.PLAN, "missing", "there, as in every dataset")
     try:
-        plan = Dataset(location).plan
-        is_plan = plan[INDEX].to_pylist() == list(range(plan.num_rows)) and {*plan[SPLIT].to_pylist()} <= {
-            *layout.SPLITS
-        }
-    except (CorruptFileError, KeyError):
-        is_plan = False
-    return None if is_plan else Finding(Kind.DAMAGED, layout.PLAN, "is damaged", "the table of a plan")
+        Dataset(location)
+    except CorruptFileError:
+        return Finding(Kind.DAMAGED, layout.PLAN, "is damaged", "the table of a plan")
+    return None
 
 
 def verify_dataset(dataset: Dataset, *, deep: bool = False, progress: Progress | None = None) -> Verification:
@@ -57,7 +54,7 @@ def verify_dataset(dataset: Dataset, *, deep: bool = False, progress: Progress |
         deep: whether to decode the images too, and to compare them with the plan's rows and the records.
         progress: see `Progress`.
     """
-    sizes = {name: size for name, size in dataset.store.sizes().items() if not _is_in(name, layout.RUN)}
+    sizes = {name: size for name, size in dataset.store.sizes().items() if not name.startswith(f"{layout.RUN}/")}
     by_folder = _by_folder(dataset, sizes)
     there = [index for index, folder in enumerate(dataset.folders) if folder in by_folder]
     complete = [index for index in there if layout.RECORD in by_folder[dataset.folders[index]]]
@@ -135,7 +132,8 @@ def _surplus(dataset: Dataset, sizes: Mapping[str, int]) -> Iterator[Finding]:
     strange: Counter[str] = Counter()
     empty = [name for name in dataset.store.empty_folders() if not _is_in(name, layout.RUN)]
     for name in [*sizes, *empty]:
-        if name in known or _is_in(name, *VERSION_CONTROL) or "/".join(name.split("/")[:3]) in planned:
+        folder = "/".join(name.split("/")[:3])
+        if name in known or _is_in(name, *VERSION_CONTROL) or (folder in planned and name not in planned):
             continue
         outermost = next((parent for parent in _parents(name) if parent not in parents), name)
         strange[outermost] += name in sizes

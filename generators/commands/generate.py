@@ -73,8 +73,8 @@ def generate(
 
     It consists of images, their labels in index.parquet, a card, and a contact sheet.
 
-    Stopped with Ctrl-C, or by anything else, the same command goes on where it was: finished samples are not rendered
-    again. The images do not depend on shards, workers, executor or memory.
+    Stopped with Ctrl-C, by SIGTERM or SIGHUP, or by anything else, the same command goes on where it was: finished
+    samples are not rendered again. The images do not depend on shards, workers, executor or memory.
 
     \b
     Example:
@@ -84,6 +84,7 @@ def generate(
       fgf generate sweep.yaml --shard 0/4            on the first of four machines that share a folder
       fgf generate sweep.yaml --executor slurm --workers 32 --cores 4 --slurm partition=cpu --slurm time=240
     """  # noqa: D301
+    from generators.dataset.store import GoneError  # noqa: PLC0415
     from generators.running import run  # noqa: PLC0415
     from generators.running.shard import Shard  # noqa: PLC0415
 
@@ -111,6 +112,8 @@ def generate(
                 on_progress=show,
                 tell=lambda line: warn([line]),
             )
+        except GoneError as error:
+            fail(str(error), EXIT_PARTIAL)
         except OutputError as error:
             if not begun():
                 raise  # the place itself is not accepted

@@ -26,6 +26,8 @@ loaders take what follows a dot for a suffix.
 
 from __future__ import annotations
 
+import re
+
 CARD = "README.md"
 INDEX = "index.parquet"
 PLAN = "plan.parquet"
@@ -71,6 +73,11 @@ def split_metadata(split: str) -> str:
 def events(shard: str = "") -> str:
     """Path of what happened in a run, as lines of JSON; of a shard with a suffix such as ``-0-of-4``."""
     return f"{RUN}/events{shard}.jsonl"
+
+
+def is_failure(name: str) -> bool:
+    """Whether a path is that of a note on a sample that could not be rendered."""
+    return re.fullmatch(rf"{FAILURES}/\d{{6,18}}\.json", name) is not None
 
 
 def failure(index: int) -> str:

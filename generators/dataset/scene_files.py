@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-import tempfile
+import atexit
+from contextlib import ExitStack
 from functools import lru_cache
 from pathlib import Path
 
 from fgf_warp.errors import CorruptFileError
 from generators.dataset import layout
 from generators.dataset.record import STAGES_COME_BACK, SceneRecord, decode_scene_record, file_entry, file_entry_at
+from generators.dataset.scratch import scratch_folder
 from generators.dataset.store import Store
 
 Problem = tuple[str, str, str]
 """Name of a file, what was found, and what is expected."""
+_COPIES = ExitStack()
+"""Of stages from object stores; they go with the process."""
+atexit.register(_COPIES.close)
 
 
 def scene_folder(location: str) -> Path:
@@ -29,7 +34,7 @@ def scene_folder(location: str) -> Path:
         return store.folder / layout.SCENE
     if not store.exists(layout.SCENE_RECORD):
         raise CorruptFileError(f"{location}/{layout.SCENE_RECORD}: is missing; {STAGES_COME_BACK}")
-    return Path(_copied(location, store.read(layout.SCENE_RECORD)).name, layout.SCENE)
+    return _copied(location, store.read(layout.SCENE_RECORD)) / layout.SCENE
 
 
 def config_file(location: str) -> Path:
@@ -45,7 +50,7 @@ def config_file(location: str) -> Path:
     if store.folder:
         return store.folder / layout.CONFIG
     record = store.read(layout.SCENE_RECORD) if store.exists(layout.SCENE_RECORD) else b""
-    path = Path(_copied(location, record).name, layout.CONFIG)
+    path = _copied(location, record) / layout.CONFIG
     path.unlink(missing_ok=True)
     if store.exists(layout.CONFIG):
         store.fetch(layout.CONFIG, path)
@@ -90,16 +95,16 @@ def _misread(store: Store, path: str, sha256: str) -> list[Problem]:
     try:
         # Of a folder, without holding it in memory: pictures may be large.
         found = (file_entry_at(store.folder / path) if store.folder else file_entry(store.read(path))).sha256
-    except OSError as error:
-        return [(path, f"cannot be read: {error.strerror or error}", "a file that can be read")]
+    except (OSError, CorruptFileError) as error:
+        return [(path, f"cannot be read: {error}", "a file that can be read")]
     return [] if found == sha256 else [(path, f"sha256 {found}", f"{sha256}, as {layout.SCENE_RECORD} says")]
 
 
 @lru_cache
-def _copied(location: str, record: bytes) -> tempfile.TemporaryDirectory[str]:
+def _copied(location: str, record: bytes) -> Path:
     """A folder with the stages of an object store; another one for each record."""
-    store, copy = Store(location), tempfile.TemporaryDirectory(prefix="fgf-")
-    folder = Path(copy.name, layout.SCENE)
+    store, copy = Store(location), _COPIES.enter_context(scratch_folder())
+    folder = copy / layout.SCENE
     folder.mkdir()
     files = decode_scene_record(record, f"{location}/{layout.SCENE_RECORD}").files if record else {}
     for name, entry in files.items():

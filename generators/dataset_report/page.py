@@ -53,7 +53,7 @@ def write_dataset_report(dataset: Dataset, path: Path | None = None, progress: P
         style=_source("page.css"),
         script=_source("page.js"),
         data=_as_script(table),
-    ).encode()
+    ).encode(errors="replace")
     if path is None:
         dataset.store.write(layout.REPORT, html)
         return f"{dataset.store.location}/{layout.REPORT}"

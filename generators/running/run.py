@@ -21,6 +21,7 @@ from generators.dataset.plan_table import is_open
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Failure, encode
 from generators.dataset.store import Store
+from generators.interrupts import held_back
 from generators.publishing.columns import COMPLETE, STATUS
 from generators.publishing.publish import publish
 from generators.running.dispatch import run_chunks
@@ -151,6 +152,7 @@ def generate(
         ConfigError: where there is something else at this location, where another run is under way on these samples,
             where the settings' memory does not hold one image, or where a denoiser is asked for and not installed.
         OutputError: where a file cannot be written. What is finished stays.
+        GoneError: where the dataset is removed meanwhile; nothing more is written then.
         CorruptFileError: where a record of the dataset cannot be read, or its own stages, of which the plan was made,
             are damaged.
     """
@@ -168,14 +170,15 @@ def generate(
             plan = plan.of_dataset(str(store.folder or store.location))
             run = _Run(plan, store, _chosen(indices, only), log, on_progress)
             interrupted = run.render(workers, shard)
-            with sole(store):
-                publish(Dataset(store.location))
-            report = run.report(interrupted, time.perf_counter() - started)
+            with held_back():
+                with sole(store):
+                    publish(Dataset(store.location))
+                report = run.report(interrupted, time.perf_counter() - started)
+                log.write("end", interrupted=interrupted, complete=report.finished, failed=len(report.failures))
         except FgfError as error:
             with suppress(OutputError):
                 log.write("end", error=str(error))
             raise
-        log.write("end", interrupted=interrupted, complete=report.finished, failed=len(report.failures))
         return report
 
 
@@ -235,22 +238,26 @@ class _Run:
             samples=len(self._indices),
             reused=len(self._indices) - len(self._pending),
         )
-        self._tell()
-        if not self._pending:
-            return False
-        executor = self._executor(workers)
+        try:
+            self._tell()
+            if self._pending:
+                self._render(self._executor(workers))
+        except KeyboardInterrupt:
+            return True
+        return False
+
+    def _render(self, executor: Executor) -> None:
         self._started = time.perf_counter()
         try:
             chunks = cut_chunks(self._pending, executor.slots * executor.chunks_per_slot)
             run_chunks(chunks, executor, self._log, self._is_there, self._finish)
-        except KeyboardInterrupt:
-            return True
         finally:
-            executor.close()
-            # Alone, since another shard's run may be publishing by way of files that look half-written.
-            with sole(self._store):
-                self._store.sweep([layout.sample_name(index) for index in self._indices])
-        return False
+            with held_back():
+                executor.close()
+                if self._store.exists(layout.PLAN):
+                    # Alone, since another shard's run may be publishing by way of files that look half-written.
+                    with sole(self._store):
+                        self._store.sweep([layout.sample_name(index) for index in self._indices])
 
     def report(self, interrupted: bool, seconds: float) -> Report:
         """How it went, by the labels."""
@@ -289,6 +296,7 @@ class _Run:
     def _finish(self, finished: Finished, attempt: int) -> None:
         """Notes what came of a sample."""
         index, name = finished.index, layout.failure(finished.index)
+        self._store.check_there()
         if finished.error is not None:
             self._failures[index] = finished.error
             self._store.write(name, encode(Failure(index, finished.error, attempt)))

@@ -86,7 +86,7 @@ def test_a_split_of_one_sample_is_a_folder_of_images_too(offline, dataset, tmp_p
     shutil.copytree(dataset.store.folder, tmp_path / "one")
     one = Dataset(tmp_path / "one")
     for index in (11, 17):
-        one.store.remove(one.folders[index])
+        shutil.rmtree(one.store.folder / one.folders[index])
     publish(one)
     loaded = offline.load_dataset(str(tmp_path / "one"))
     assert {split: rows.num_rows for split, rows in loaded.items()} == {**SPLITS, "test": 1}

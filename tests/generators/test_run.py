@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import shutil
 import signal
 import subprocess
 import threading
@@ -118,7 +119,7 @@ def test_a_finished_dataset_is_not_rendered_again(data, plan, fake_renderer):
 def test_a_lost_sample_is_rendered_again(data, plan, fake_renderer):
     generate(plan, TEXT, data)
     fake_renderer.clear()
-    Store(data).remove(layout.sample_folder("train", 3))
+    shutil.rmtree(data / layout.sample_folder("train", 3))
     assert generate(plan, TEXT, data).reused == 5
     assert fake_renderer == [plan.samples[3].seed]
 
@@ -313,7 +314,7 @@ def test_shards_run_at_the_same_time(tmp_path, data, plan, fake_renderer, monkey
 
     def run_again():
         for index in range(6):
-            (data / "data" / "train" / f".{index:06d}.0a1b2c.partial").mkdir(parents=True)
+            (data / "data" / "train" / f".{index:06d}.0a1b2c3d4e5f.partial").mkdir(parents=True)
         report = generate(plan, TEXT, data, shard=second)
         # What the other run may be writing at this moment is not swept.
         assert {int(path.name[1:7]) for path in data.rglob("*.partial")} == set(samples_of(plan, first))
@@ -337,8 +338,8 @@ def test_without_locks_each_sample_is_committed_once(data, plan, fake_renderer, 
     before = {}
     commit = Store.commit
 
-    def commit_once(self, folder, files, *, replaces):
-        made = commit(self, folder, files, replaces=replaces)
+    def commit_once(self, folder, files, *, replaces, made_in):
+        made = commit(self, folder, files, replaces=replaces, made_in=made_in)
         assert made == (folder not in before)
         before[folder] = self.read(f"{folder}/{layout.TIMING}")
         return made
@@ -353,14 +354,14 @@ def test_without_locks_each_sample_is_committed_once(data, plan, fake_renderer, 
 def test_leftovers_of_a_power_cut_are_swept(data, plan, fake_renderer):
     generate(plan, TEXT, data)
     leftovers = [
-        data / ".index.12ab.partial.parquet",
-        data / "data" / "train" / ".metadata.12ab.partial.parquet",
-        data / "run" / "failures" / ".000002.12ab.partial.json",
+        data / ".index.0123456789ab.partial.parquet",
+        data / "data" / "train" / ".metadata.0123456789ab.partial.parquet",
+        data / "run" / "failures" / ".000002.0123456789ab.partial.json",
     ]
     for leftover in leftovers:
         leftover.parent.mkdir(exist_ok=True)
         leftover.write_text("half")
-    (data / "data" / "train" / ".000001.12ab.partial").mkdir()
+    (data / "data" / "train" / ".000001.0123456789ab.partial").mkdir()
     generate(plan, TEXT, data)
     assert not list(data.rglob("*.partial*"))
 
@@ -402,7 +403,7 @@ def test_a_note_that_another_run_is_writing_or_removes_is_none(data, plan, fake_
     dataset = Dataset(data)
     dataset.store.write(layout.failure(1), encode(Failure(1, "none", 1)))
     dataset.store.write(layout.failure(2), encode(Failure(2, "none", 1)))
-    (data / layout.FAILURES / ".000003.12ab.partial.json").write_text("half")
+    (data / layout.FAILURES / ".000003.0123456789ab.partial.json").write_text("half")
     read = Store.read
 
     def read_late(self, name):
@@ -417,7 +418,7 @@ def test_a_note_that_another_run_is_writing_or_removes_is_none(data, plan, fake_
 def test_a_run_that_was_killed_early_leaves_no_obstacle(data, plan, fake_renderer):
     (data / "run").mkdir(parents=True)
     (data / "run" / "lock").touch()
-    (data / ".config.12ab.partial.yaml").touch()
+    (data / ".config.0123456789ab.partial.yaml").touch()
     assert generate(plan, TEXT, data).is_complete
 
 
@@ -487,10 +488,10 @@ def test_an_interrupted_run_goes_on_where_it_was(tmp_path, data, plan, fake_rend
 def test_a_full_disk_ends_the_run_and_leaves_what_is_finished(tmp_path, data, plan, fake_renderer, monkeypatch):
     commit = store._commit_folder
 
-    def fill_the_disk(target, files, replaces):
+    def fill_the_disk(target, *others):
         if target.name == "000001":
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return commit(target, files, replaces)
+        return commit(target, *others)
 
     monkeypatch.setattr(store, "_commit_folder", fill_the_disk)
     with pytest.raises(OutputError, match="000001: cannot be written: No space left on device"):
@@ -560,10 +561,12 @@ def test_rendering_again_takes_the_place_of_what_is_there(data, plan, fake_rende
     before = content(data)
     folder = data / layout.sample_folder("train", 2)
     (folder / layout.RADIANCE).write_bytes(b"damaged")
-    (folder / "surplus").touch()
+    (folder / "surplus").write_text("of someone else")
     (data / layout.sample_folder("train", 4) / layout.RECORD).unlink()
     finished = list(render_again(plan, Store(data), [4, 2], {2: 4}))
     assert sorted(sample.index for sample in finished) == [2, 4]
+    assert (folder / "surplus").read_text() == "of someone else"
+    (folder / "surplus").unlink()
     assert content(data) == before
 
 
@@ -571,6 +574,7 @@ def test_a_chunk_of_an_object_store_or_a_folder_is_the_same(tmp_path, plan, fake
     """The code path of every executor, called as a worker does."""
     for location in (tmp_path / "chunk", f"memory://{uuid.uuid4().hex}"):
         store = Store(location)
+        store.write(layout.PLAN, plan.to_bytes())
         finished = list(render_chunk(plan, store, Chunk((3, 5), attempt=2)))
         assert sorted(sample.index for sample in finished) == [3, 5]
         assert all(sample.seconds == 0.25 and sample.error is None for sample in finished)
