@@ -12,6 +12,7 @@ from pxr import Sdf
 from typer.testing import CliRunner
 
 from fgf_warp.errors import ConfigError, CorruptFileError, OutputError
+from generators.checking.findings import Kind
 from generators.checking.verify import verify_dataset
 from generators.cli import app
 from generators.dataset import layout, scene_files
@@ -21,6 +22,7 @@ from generators.dataset.record import SceneRecord, decode_scene_record, encode, 
 from generators.dataset.store import Store
 from generators.planning.document import load_config
 from generators.planning.plan import build_plan
+from generators.publishing.publish import publish
 from generators.running import stages
 from generators.running.run import generate
 from generators.running.shard import Shard
@@ -302,11 +304,13 @@ def test_no_dataset_names_files_outside_of_its_stage(name):
 
 
 def test_what_does_not_belong_to_a_stage_is_named_and_stays(tmp_path, fake_renderer):
-    make(write_project(tmp_path), tmp_path / "data")
-    (tmp_path / "data/scene/mine.txt").write_text("mine")
-    assert "scene/mine.txt: a file that is not of the dataset" in fgf("verify", tmp_path / "data", code=4)
-    fgf("verify", tmp_path / "data", "--repair", code=4)
-    assert (tmp_path / "data/scene/mine.txt").exists()
+    data = tmp_path / "data"
+    make(write_project(tmp_path), data)
+    (data / "scene/mine.txt").write_text("mine")
+    (finding,) = verify_dataset(Dataset(data)).findings
+    assert (finding.kind, finding.name) == (Kind.SURPLUS, "scene/mine.txt")
+    CliRunner().invoke(app, ["verify", str(data), "--repair"])
+    assert (data / "scene/mine.txt").read_text() == "mine"
 
 
 def test_a_run_that_ends_while_it_copies_leaves_nothing_that_looks_whole(tmp_path, fake_renderer, monkeypatch):
@@ -353,9 +357,8 @@ def test_a_dataset_of_before_is_whole_without_a_stage(tmp_path, fake_renderer):
     meta, table = read_plan((data / layout.PLAN).read_bytes(), "plan")
     (data / layout.PLAN).write_bytes(write_plan(type(meta)(**{**vars(meta), "stages": ()}), table))
     shutil.rmtree(data / layout.SCENE)
-    (data / layout.CROISSANT).unlink()
-    found = verify_dataset(Dataset(data))
-    assert {finding.name for finding in found.findings} == {layout.CROISSANT}
+    publish(Dataset(data))
+    assert verify_dataset(Dataset(data)).is_whole
 
 
 def test_pixels_of_pictures_count_and_not_their_names():
