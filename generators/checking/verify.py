@@ -13,6 +13,7 @@ from generators.checking.findings import Finding, Kind, Verification, name_range
 from generators.checking.images import check_images
 from generators.checking.published import Samples, check_published
 from generators.checking.samples import READABLE, check_sample
+from generators.checking.scene import check_scene, scene_files
 from generators.checking.spread import check_spread
 from generators.dataset import layout
 from generators.dataset.plan_table import SPLIT
@@ -73,7 +74,7 @@ def verify_dataset(dataset: Dataset, *, deep: bool = False, progress: Progress |
     samples = Samples(frozenset(there), frozenset(complete), frozenset(complete) - damaged)
     failures = _failures(dataset)
     if isinstance(failures, Finding):
-        findings = [failures, *_surplus(dataset, sizes), *of_samples]
+        findings = [failures, *check_scene(dataset), *_surplus(dataset, sizes), *of_samples]
     else:
         published = check_published(dataset, sizes, samples)
         # What was there once is named already.
@@ -81,6 +82,7 @@ def verify_dataset(dataset: Dataset, *, deep: bool = False, progress: Progress |
         failed = {index: failure for index, failure in failures.items() if index not in known}
         findings = [
             *published,
+            *check_scene(dataset),
             *_surplus(dataset, sizes),
             *_unfinished(dataset, known, failed),
             *check_spread(dataset, sorted(failed)),
@@ -125,7 +127,7 @@ def _unfinished(dataset: Dataset, known: Collection[int], failures: Mapping[int,
 def _surplus(dataset: Dataset, sizes: Mapping[str, int]) -> Iterator[Finding]:
     """What belongs to no dataset, each folder of it once."""
     planned = set(dataset.folders)
-    known = _files_of_the_dataset(dataset)
+    known = _files_of_the_dataset(dataset) | scene_files(dataset, sizes)
     parents = {parent for name in known | planned for parent in _parents(name)}
     strange: Counter[str] = Counter()
     empty = [name for name in dataset.store.empty_folders() if not _is_in(name, layout.RUN)]

@@ -6,7 +6,7 @@
     index.parquet                  labels, one row per sample of the plan
     plan.parquet                   the frozen plan: what each sample is to be
     croissant.json                 metadata of Croissant 1.1
-    config.yaml                    the config in force
+    config.yaml                    the config in force, whose stages are those in scene/
     contact_sheet.png
     report.html                    where asked for
     data/SPLIT/metadata.parquet    the labels of a split's complete samples, for ``datasets.load_dataset``
@@ -15,6 +15,9 @@
         image.png                  where asked for
         record.json                what was reached, with size and hash of the other files
         timing.json                what differs between two runs of one plan
+    scene/                         the stages and all that they are made of, which appears whole or not at all
+        NAME.usda                  a stage; beside it its other layers and pictures
+        files.json                 size and hash of each
     run/                           events, locks, failures: nothing that a reader needs
 
 Every path is relative to the dataset's location, with ``/`` between its parts. Names of samples have no dots, since
@@ -33,6 +36,8 @@ CONFIG = "config.yaml"
 CONTACT_SHEET = "contact_sheet.png"
 REPORT = "report.html"
 DATA = "data"
+SCENE = "scene"
+SCENE_RECORD = "scene/files.json"
 RUN = "run"
 FAILURES = "run/failures"
 
@@ -53,6 +58,11 @@ def sample_name(index: int) -> str:
 def sample_folder(split: str, index: int) -> str:
     """Path of the folder of one sample."""
     return f"{DATA}/{split}/{sample_name(index)}"
+
+
+def scene_file(name: str) -> str:
+    """Path of a stage, or of another file that one is made of."""
+    return f"{SCENE}/{name}"
 
 
 def split_metadata(split: str) -> str:

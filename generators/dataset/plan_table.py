@@ -63,6 +63,8 @@ class PlanMeta:
         device: kind of device, ``cpu`` or ``cuda``: they round differently.
         description: a sentence of the author's.
         license: SPDX identifier.
+        stages: names of the stages that the dataset holds, see `generators.dataset.layout.SCENE`; a dataset of before
+            this was kept holds none.
     """
 
     name: str
@@ -82,6 +84,7 @@ class PlanMeta:
     device: str = "cpu"
     description: str = ""
     license: str = ""
+    stages: tuple[str, ...] = ()
 
 
 def is_open(quality: Mapping[str, Any]) -> bool:
@@ -119,7 +122,8 @@ def read_plan(content: bytes, name: str) -> tuple[PlanMeta, pa.Table]:
             AxisMeta(**{**axis, "values": None if axis["values"] is None else tuple(axis["values"])})
             for axis in found.pop("axes")
         )
-        meta = PlanMeta(**{**found, "axes": axes, "aovs": tuple(found["aovs"])})
+        listed = {name: tuple(found.get(name, ())) for name in ("aovs", "stages")}
+        meta = PlanMeta(**{**found, "axes": axes, **listed})
         if _is_plan(meta, table):
             return meta, table
         error: Exception | None = None

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path, PurePosixPath
 from types import NoneType
 from typing import Any, TypeVar
 
@@ -13,6 +14,8 @@ from fgf_warp.errors import CorruptFileError
 
 OWN_HASH = "sha256"
 """Key of the hash of all else that a note says."""
+STAGES_COME_BACK = "fgf generate with the config that the dataset was made from writes the stages anew"
+"""What heals stages, which do not follow from the rest of a dataset."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,17 @@ class Failure:
     attempts: int
 
 
+@dataclass(frozen=True)
+class SceneRecord:
+    """What the stages of a dataset are made of.
+
+    Args:
+        files: of the folder, by name.
+    """
+
+    files: Mapping[str, FileEntry]
+
+
 Note = TypeVar("Note", Record, Timing, Failure)
 
 
@@ -99,7 +113,13 @@ def file_entry(content: bytes) -> FileEntry:
     return FileEntry(len(content), hashlib.sha256(content).hexdigest())
 
 
-def encode(value: Record | Timing | Failure) -> bytes:
+def file_entry_at(path: Path) -> FileEntry:
+    """Size and hash of a file, which may be large."""
+    with path.open("rb") as file:
+        return FileEntry(path.stat().st_size, hashlib.file_digest(file, "sha256").hexdigest())
+
+
+def encode(value: Record | Timing | Failure | SceneRecord) -> bytes:
     """As JSON, equal for equal values, with a hash of itself: nothing else tells whether a number in it has changed.
 
     What is None is left out.
@@ -140,6 +160,19 @@ def decode_failure(content: bytes, name: str) -> Failure:
         return _checked(Failure(**_decode(content, name)))
     except TypeError as error:
         raise _damaged(name) from error
+
+
+def decode_scene_record(content: bytes, name: str) -> SceneRecord:
+    """Reads a ``files.json``; raises as `decode_record` does."""
+    try:
+        files = {key: FileEntry(**entry) for key, entry in _decode(content, name)["files"].items()}
+    except (CorruptFileError, KeyError, TypeError, AttributeError) as error:
+        raise CorruptFileError(f"{name}: is damaged; {STAGES_COME_BACK}") from error
+    for key in files:
+        # A name that leads elsewhere would have a stranger's dataset write there.
+        if key in ("", "..") or key != PurePosixPath(key).name or "\\" in key:
+            raise CorruptFileError(f"{name}: names {key!r}; accepted: files of its own folder")
+    return SceneRecord(files)
 
 
 def _checked(note: Note) -> Note:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import uuid
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from fnmatch import fnmatch
@@ -227,6 +227,40 @@ class Store:
             if path.exists() and (even_files or not path.is_file()):
                 move_aside(path)
 
+    def fetch(self, name: str, path: Path) -> None:
+        """Copies a file to this machine.
+
+        Raises:
+            FileNotFoundError: where there is none.
+            CorruptFileError: where it cannot be read.
+        """
+        try:
+            self._fs.get_file(self._path(name), str(path))
+        except FileNotFoundError:
+            raise
+        except self._errors as error:
+            raise CorruptFileError(f"{self.location}/{name}: cannot be read: {_reason(error)}") from error
+
+    def place(self, folder: str, fill: Callable[[Path], None], last: str) -> None:
+        """Writes a folder of files, whole; one that is there gets them one by one, and keeps what else is in it.
+
+        Args:
+            folder: its name.
+            fill: writes its files into a folder of this machine, and to the disk.
+            last: the file that tells of the others; where they appear one by one, it goes first and comes last.
+
+        Raises:
+            OutputError: where it cannot be written.
+        """
+        with self._writing(folder), self.workspace(folder) as made:
+            fill(made)
+            if self.folder:
+                _place_folder(self.folder / folder, made, last)
+                return
+            self.remove(f"{folder}/{last}")
+            for path in _last_of(made, last):
+                self._fs.put_file(str(path), self._path(f"{folder}/{path.name}"))
+
     def upload(self, folder: Path) -> None:
         """Writes all files of a folder on this machine; those that are there already are removed should one fail.
 
@@ -416,6 +450,29 @@ def _replace_within(target: Path, hidden: Path, files: Mapping[str, bytes]) -> N
     flush_to_disk(target)
     with suppress(OSError):
         hidden.rmdir()
+
+
+def _place_folder(target: Path, hidden: Path, last: str) -> None:
+    """Gives a hidden folder that is on the disk its name, or its files to the one that has it."""
+    flush_to_disk(hidden)
+    if not target.is_dir():
+        move_aside(target)
+        hidden.rename(target)
+    else:
+        files = _last_of(hidden, last)
+        for path in files:
+            if (target / path.name).is_dir():
+                move_aside(target / path.name)
+        (target / last).unlink(missing_ok=True)
+        for path in files:
+            path.replace(target / path.name)
+        flush_to_disk(target)
+    flush_to_disk(target.parent)
+
+
+def _last_of(folder: Path, last: str) -> list[Path]:
+    """The files of a folder, one of them behind the others."""
+    return sorted(folder.iterdir(), key=lambda path: (path.name == last, path.name))
 
 
 def _hidden(folder: Path) -> Path:

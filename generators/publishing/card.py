@@ -286,6 +286,9 @@ data/SPLIT/000000/record.json      what the render reached, with size and SHA-25
 data/SPLIT/000000/timing.json      how long it took
 plan.parquet                       what each sample is to be
 config.yaml                        what the plan was made from
+{% if meta.stages %}
+scene/                             the stages that it names, with all that they are made of
+{% endif %}
 ```
 
 ## Check it, render it again

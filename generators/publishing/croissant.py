@@ -49,6 +49,7 @@ FILES = {
     ),
     layout.PLAN: ("plan", "What each sample is to be: its parameters and its seed.", PARQUET),
     layout.CONFIG: ("config", "What the plan was made from.", "application/yaml"),
+    layout.SCENE_RECORD: ("scene", "The files of the stages, with sizes and hashes.", "application/json"),
     layout.CARD: ("card", "What a person should know of the dataset.", "text/markdown"),
     layout.CONTACT_SHEET: ("contact-sheet", "All samples, or some of many, in one picture.", "image/png"),
     **{

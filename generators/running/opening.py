@@ -16,6 +16,7 @@ from generators.dataset.plan_table import read_plan
 from generators.dataset.store import Store
 from generators.publishing.croissant import claimed_hashes
 from generators.running.shard import Shard, samples_of
+from generators.running.stages import Tell, keep_stages
 
 if TYPE_CHECKING:
     from generators.planning.plan import Plan
@@ -27,23 +28,27 @@ SHARD_NAME = re.compile(r"shard-(\d{1,9})-of-(\d{1,9})\.lock")
 
 
 @contextmanager
-def opened(plan: Plan, config: bytes | None, store: Store, shard: Shard) -> Iterator[list[int]]:
+def opened(
+    plan: Plan, config: bytes | None, store: Store, shard: Shard, tell: Tell | None = None
+) -> Iterator[list[int]]:
     """Holds a shard of a dataset, which is made or found to be of this plan.
 
     In an object store, which has no locks, nothing keeps a second run out; each sample is committed once all the same.
 
     Args:
         plan: of the dataset.
-        config: that it was made from, as YAML; kept with a new dataset; None leaves what there is.
+        config: that it was made from, as YAML; kept with a new dataset, as are the plan's stages; None leaves what
+            there is.
         store: of the dataset.
         shard: to hold.
+        tell: see `Tell`.
 
     Yields:
         The indices of the shard's samples, those of equal scenes after each other.
 
     Raises:
         ConfigError: where there is something else, or where another run holds samples of the shard.
-        CorruptFileError: where the dataset's plan has been changed.
+        CorruptFileError: where the dataset's plan has been changed, or its stages, and the plan was made of these.
         OutputError: where nothing can be written.
     """
     indices = samples_of(plan, shard)
@@ -60,9 +65,12 @@ def opened(plan: Plan, config: bytes | None, store: Store, shard: Shard) -> Iter
             if config is not None and store.exists(layout.PLAN):
                 _check_plan(plan, store)
             # The plan first: a folder with other files and no plan is refused, by a run that goes on after a kill too.
-            for name, content in ((layout.PLAN, plan.to_bytes()), (layout.CONFIG, config)):
-                if content is not None and not store.exists(name):
-                    store.write(name, content)
+            if not store.exists(layout.PLAN):
+                store.write(layout.PLAN, plan.to_bytes())
+            if config is not None:
+                keep_stages(plan, store, tell)
+                if not store.exists(layout.CONFIG):
+                    store.write(layout.CONFIG, config)
         yield indices
 
 

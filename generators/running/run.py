@@ -34,6 +34,7 @@ from generators.running.on_slurm import OnSlurm
 from generators.running.opening import opened, sole
 from generators.running.render import Way, cores, render_chunk
 from generators.running.shard import Shard, cut_chunks
+from generators.running.stages import Tell
 
 if TYPE_CHECKING:
     from generators.planning.plan import Plan
@@ -133,6 +134,7 @@ def generate(
     only: Collection[int] | None = None,
     workers: Workers | None = None,
     on_progress: OnProgress | None = None,
+    tell: Tell | None = None,
 ) -> Report:
     """Renders the samples that a dataset does not have yet, and publishes all that it has.
 
@@ -144,13 +146,15 @@ def generate(
         only: indices of samples, to render no others.
         workers: who renders; by default this process with all cores. They change no file but the timing.
         on_progress: called with each finished sample, and in one process with parts of one, from any thread.
+        tell: called with a line for the user, before much is copied.
 
     Raises:
         ConfigError: where there is something else at this location, where another run is under way on these samples,
             where the settings' memory does not hold one image, or where a denoiser is asked for and not installed.
         OutputError: where a file cannot be written. What is finished stays.
         GoneError: where the dataset is removed meanwhile; nothing more is written then.
-        CorruptFileError: where a record of the dataset cannot be read.
+        CorruptFileError: where a record of the dataset cannot be read, or its own stages, of which the plan was made,
+            are damaged.
     """
     from fgf_warp.output.denoise import check_denoiser  # noqa: PLC0415
     from fgf_warp.renderer import check_memory  # noqa: PLC0415 - starts Warp
@@ -160,8 +164,10 @@ def generate(
         check_denoiser()
     started = time.perf_counter()
     store, shard, workers = Store(os.fspath(location)), shard or Shard(), workers or Workers()
-    with opened(plan, config, store, shard) as indices, EventLog(store, layout.events(shard.suffix)) as log:
+    with opened(plan, config, store, shard, tell) as indices, EventLog(store, layout.events(shard.suffix)) as log:
         try:
+            # What is rendered is what the dataset holds, so it can be rendered again without anything else.
+            plan = plan.of_dataset(str(store.folder or store.location))
             run = _Run(plan, store, _chosen(indices, only), log, on_progress)
             interrupted = run.render(workers, shard)
             with held_back():

@@ -40,8 +40,11 @@ def offline(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
-    """In a folder whose name alone would make all of it the test split."""
+    """In a folder whose name alone would make all of it the test split, with pictures that are parts of a stage."""
     dataset = make_dataset(tmp_path_factory.mktemp("made") / "test_x", MISSING, FAILED)
+    picture = dataset.store.read(f"{dataset.folders[0]}/{layout.IMAGE}")
+    for name in ("train.png", "validation-00000-of-00001.png"):
+        dataset.store.write(layout.scene_file(name), picture)
     publish(dataset)
     return dataset
 

@@ -28,7 +28,7 @@ DAMAGED = (
 
 def make(folder, tmp_path, *overrides):
     loaded = load_config(write_config(tmp_path), overrides)
-    generate(build_plan(loaded), loaded.to_bytes(folder), folder)
+    generate(build_plan(loaded), loaded.to_bytes(), folder)
     return folder
 
 

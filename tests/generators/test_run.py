@@ -65,7 +65,17 @@ def test_a_run_makes_all_that_is_promised(data, plan, fake_renderer):
     assert report.is_complete
     assert not report.interrupted
     assert sorted(path.name for path in data.iterdir()) == sorted(
-        [layout.CARD, layout.CONFIG, layout.CONTACT_SHEET, layout.CROISSANT, layout.INDEX, layout.PLAN, "data", "run"]
+        [
+            layout.CARD,
+            layout.CONFIG,
+            layout.CONTACT_SHEET,
+            layout.CROISSANT,
+            layout.INDEX,
+            layout.PLAN,
+            "data",
+            "run",
+            "scene",
+        ]
     )
     dataset = Dataset(data)
     assert dataset.complete() == list(range(6))
