@@ -307,6 +307,7 @@ def test_a_stage_that_is_not_there_is_told(tmp_path):
         StageFiles({"gone.usda": tmp_path / "gone.usda"})
 
 
+@pytest.mark.skipif(not FILES, reason="the third-party stages of ../shared/usd_assets are not here")
 @pytest.mark.parametrize("path", FILES, ids=lambda path: "/".join(path.parts[-2:]))
 def test_third_party_stages_are_read_of_their_copies(path, tmp_path, capfd):
     name = stage_file_name(path.name)
