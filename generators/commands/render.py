@@ -13,9 +13,15 @@ from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
 from fgf_warp.theory.choices import LINE_VARIANCES, TRANSPORTS, LineVariance, Transport
 from generators.commands.common import (
     EXIT_PARTIAL,
+    CameraPath,
+    DefaultTime,
     Device,
+    Frames,
     Memory,
+    Purposes,
+    Strict,
     check_choice,
+    choose_frames,
     fail,
     parse_share,
     progress_bar,
@@ -48,10 +54,7 @@ def render(
             "Default: as the stage's RenderProducts say.",
         ),
     ] = None,
-    camera: Annotated[
-        str | None,
-        typer.Option("--camera", "-cam", metavar="PATH", help="Camera; default: the render settings', or the first."),
-    ] = None,
+    camera: CameraPath = None,
     width: Annotated[
         int | None, typer.Option("--imageWidth", "-w", metavar="N", help="[pixel]; default: as the stage says, or 960.")
     ] = None,
@@ -122,29 +125,9 @@ def render(
     ] = Sampler.LATTICE.value,
     device: Device = "cpu",
     memory: Memory = RenderSettings.memory,
-    frames: Annotated[
-        str | None,
-        typer.Option(
-            "--frames",
-            "--frame",
-            "-f",
-            metavar="SPEC",
-            help="Frames: 7, 1:24, 1:24x2 or 101,105:110; default: the stage's start, or the earliest.",
-        ),
-    ] = None,
-    default_time: Annotated[
-        bool, typer.Option("--defaultTime", "-d", help="Take attributes' default values, not those of a frame.")
-    ] = False,
-    purposes: Annotated[
-        str | None,
-        typer.Option(
-            "--purposes",
-            "-p",
-            metavar="LIST",
-            help="Purposes of the geometry to include beside default, with commas; default: as the stage says, or "
-            "render.",
-        ),
-    ] = None,
+    frames: Frames = None,
+    default_time: DefaultTime = False,
+    purposes: Purposes = None,
     complexity: Annotated[
         str, typer.Option("--complexity", "-c", help="Subdivision of surfaces: low, medium, high or veryhigh.")
     ] = "high",
@@ -157,9 +140,7 @@ def render(
             help="RenderSettings; default: those that the stage names, or the first.",
         ),
     ] = None,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Refuse a stage of which something is missing, such as a texture.")
-    ] = False,
+    strict: Strict = False,
     png: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Write an sRGB view too.")] = None,
     aov: Annotated[
         list[str] | None,
@@ -185,7 +166,7 @@ def render(
       fgf render shot.usd -o shot.####.exr --frames 101:124 --camera main_cam
     """  # noqa: D301
     from fgf_warp.output.atomic import check_writable  # noqa: PLC0415
-    from generators.stage import load_scene  # noqa: PLC0415
+    from generators.stage import load_scene, split_purposes  # noqa: PLC0415
     from usd_scenes.reader import COMPLEXITIES, OpenStages  # noqa: PLC0415
 
     aovs = _choose_aovs(aov)
@@ -207,7 +188,7 @@ def render(
         check_choice("--lineVariance", line_variance, LINE_VARIANCES)
     check_choice("--complexity", complexity, COMPLEXITIES)
     goal = _choose_goal(target_error, error_over, time, spp)
-    times = _choose_frames(frames, default_time=default_time)
+    times = choose_frames(frames, default_time=default_time)
     warned: set[str] = set()
 
     def load(frame: Frame | None, product: str | None) -> tuple[Scene, RenderSettings]:
@@ -215,7 +196,7 @@ def render(
             stage,
             camera=camera,
             frame=frame,
-            purposes=None if purposes is None else ["default", *purposes.split(",")],
+            purposes=split_purposes(purposes),
             complexity=complexity,
             strict=strict,
             render_settings=render_settings,
@@ -264,17 +245,6 @@ def render(
                 _render_picture(picture, *load(picture.frame, picture.product), goal, wish)
             except KeyboardInterrupt:
                 fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
-
-
-def _choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | None]:
-    """The times to render; None is where the stage starts."""
-    if spec is None:
-        return ["default" if default_time else None]
-    if default_time:
-        raise ConfigError("--defaultTime and --frames exclude each other; accepted: one of them")
-    from generators.pictures import parse_frames  # noqa: PLC0415
-
-    return parse_frames(spec)
 
 
 def _choose_wish(preset: str, others: Mapping[str, object]) -> Wish | None:
