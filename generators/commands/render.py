@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from fgf_warp.errors import ConfigError
+from fgf_warp.errors import ConfigError, FgfError
 from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
 from fgf_warp.theory.choices import LINE_VARIANCES, TRANSPORTS, LineVariance, Transport
 from generators.commands.common import (
@@ -31,7 +31,7 @@ from generators.commands.common import (
 from generators.wish import AUTO, FORMS, Wish
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from fgf_warp.convergence import Goal
     from fgf_warp.features import Reason
@@ -189,7 +189,7 @@ def render(
     check_choice("--complexity", complexity, COMPLEXITIES)
     goal = _choose_goal(target_error, error_over, time, spp)
     times = choose_frames(frames, default_time=default_time)
-    warned: set[str] = set()
+    told: set[str] = set()
 
     def load(frame: Frame | None, product: str | None) -> tuple[Scene, RenderSettings]:
         base = load_scene(
@@ -221,8 +221,7 @@ def render(
             device=device,
             memory=memory,
         )
-        warn([warning for warning in base.warnings if warning not in warned])
-        warned.update(base.warnings)
+        _warn_once(base.warnings, frame, times, told)
         return base.scene, settings
 
     with OpenStages():
@@ -239,12 +238,43 @@ def render(
             for file in picture.files:
                 check_writable(file)
         warn(warnings)
-        start_warp(device)
-        for done, picture in enumerate(pictures):
-            try:
+        done = 0
+        try:
+            if len(pictures) > 1:
+                _check_frames(pictures, load)
+            start_warp(device)
+            for picture in pictures:
                 _render_picture(picture, *load(picture.frame, picture.product), goal, wish)
-            except KeyboardInterrupt:
-                fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
+                done += 1
+        except KeyboardInterrupt:
+            fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
+
+
+def _check_frames(pictures: Sequence[Picture], load: Callable[[Frame | None, str | None], object]) -> None:
+    """Reads all that is to be rendered before the first image is, and keeps nothing of it.
+
+    Raises:
+        FgfError: as `load` raises it, with the frame.
+    """
+    from usd_scenes.reader import name_of  # noqa: PLC0415 - USD is slow to import
+
+    with progress_bar(counted=True) as progress:
+        task = progress.add_task("reading", total=len(pictures))
+        for picture in pictures:
+            try:
+                load(picture.frame, picture.product)
+            except FgfError as error:
+                raise type(error)(f"{error} ({name_of(picture.frame)})") from error
+            progress.advance(task)
+
+
+def _warn_once(warnings: Iterable[str], frame: Frame | None, frames: Sequence[Frame | None], told: set[str]) -> None:
+    """Warns of each kind of thing at the first frame where it is met, and names that unless it is the first of all."""
+    from usd_scenes.reader import kind_of, name_of  # noqa: PLC0415 - USD is slow to import
+
+    new = {kind: warning for warning in warnings if (kind := kind_of(warning)) not in told}
+    told.update(new)
+    warn([warning if frame == frames[0] else f"{warning} ({name_of(frame)})" for warning in new.values()])
 
 
 def _choose_wish(preset: str, others: Mapping[str, object]) -> Wish | None:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 from pxr import Tf, Usd, UsdGeom, UsdShade, UsdSkel
 
@@ -22,6 +21,7 @@ from usd_scenes.reader.diagnostics import (
     usd_errors_as_scene_errors,
 )
 from usd_scenes.reader.edits import Edits, edited
+from usd_scenes.reader.frames import Frame
 from usd_scenes.reader.lights import DEFAULT_DOME, default_lights, emitting_meshes, is_light, read_light
 from usd_scenes.reader.links import link_lights
 from usd_scenes.reader.materials import MaterialReader
@@ -37,10 +37,6 @@ COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 UP_AXES = ("Y", "Z")
 CONTAINERS = ("SkelRoot", "PointInstancer")
 """Boundable prims that draw nothing of their own."""
-
-
-Frame = float | Literal["default"]
-"""A time code, or USD's default time, at which attributes have their default values and no samples."""
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,10 @@ from pxr import Usd, UsdShade, UsdValidation
 
 from fgf_warp.errors import SceneError
 from usd_scenes import schema
+from usd_scenes.reader.frames import Frame
 from usd_scenes.reader.materials import RENDER_CONTEXT
 from usd_scenes.reader.medium import ends_in_surface, medium_problems
-from usd_scenes.reader.stage import Frame, stage_context
+from usd_scenes.reader.stage import stage_context
 from usd_scenes.validation.findings import error, refusal, warning
 
 CLOSED_SHAPES = ("Sphere", "Cube", "Cylinder", "Cylinder_1", "Cone", "Capsule", "Capsule_1", "Mesh")

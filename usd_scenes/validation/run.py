@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -12,7 +11,8 @@ from pxr import Sdr, Usd, UsdGeom, UsdShade, UsdValidation
 
 from usd_scenes import schema
 from usd_scenes.reader.diagnostics import open_stage, usd_errors_as_scene_errors
-from usd_scenes.reader.stage import Frame, StageReading, survey_stage
+from usd_scenes.reader.frames import Frame, kind_of, name_of
+from usd_scenes.reader.stage import StageReading, survey_stage
 from usd_scenes.validation.findings import MENDED, ORDER, OURS, Finding
 from usd_scenes.validation.media import check_binding, check_terminals, check_values
 from usd_scenes.validation.scene import check_survey
@@ -32,8 +32,6 @@ IN_OTHER_WORDS = {
     "UnappliedSchema": "applied make no medium",
 }
 """What our validators find, and how the reader warns of the same prim for the same reason."""
-NUMBER = re.compile(r"-?\d+(?:\.\d*)?(?:e[-+]?\d+)?")
-"""In a text: what differs between frames in which the same is wrong."""
 
 Progress = Callable[[str, int, int], None]
 """Is told what is done next, how many steps are done and of how many."""
@@ -83,7 +81,7 @@ def validate_stage(
     with usd_errors_as_scene_errors(str(path)):
         stage = open_stage(Path(path))
         by_plugin = _validators_of_usd()
-        steps = [*by_plugin, *(_name(frame) for frame in frames)]
+        steps = [*by_plugin, *(name_of(frame) for frame in frames)]
 
         def show(step: str) -> None:
             if progress is not None:
@@ -96,7 +94,7 @@ def validate_stage(
         collected = _Collected(frames)
         reading = None
         for index, frame in enumerate(frames):
-            show(_name(frame))
+            show(name_of(frame))
             survey = survey_stage(stage, frame, **vars(asked or Asked()))
             reading = survey.reading if index == 0 else reading
             found = [
@@ -119,7 +117,7 @@ class _Collected:
     def add(self, index: int, findings: Iterable[Finding]) -> None:
         """Adds what is found at the frame of that index."""
         for finding in findings:
-            key = replace(finding, text=finding.text if len(self._frames) == 1 else NUMBER.sub("#", finding.text))
+            key = replace(finding, text=finding.text if len(self._frames) == 1 else kind_of(finding.text))
             _, held = self._found.setdefault(key, (finding, {}))
             held[index] = None
 
@@ -133,17 +131,11 @@ class _Collected:
     def _spelled(self, indices: list[int]) -> str:
         runs = [[index for _, index in run] for _, run in groupby(enumerate(indices), lambda pair: pair[1] - pair[0])]
         return ", ".join(
-            _name(self._frames[run[0]], "")
+            name_of(self._frames[run[0]], "")
             if len(run) == 1
-            else f"{_name(self._frames[run[0]], '')} to {_name(self._frames[run[-1]], '')}"
+            else f"{name_of(self._frames[run[0]], '')} to {name_of(self._frames[run[-1]], '')}"
             for run in runs
         )
-
-
-def _name(frame: Frame | None, word: str = "frame ") -> str:
-    if frame is None:
-        return "the stage's start"
-    return "the default time" if frame == "default" else f"{word}{frame:.12g}"
 
 
 def _validators_of_usd() -> dict[str, list[UsdValidation.Validator]]:
