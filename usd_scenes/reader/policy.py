@@ -40,8 +40,9 @@ class Policy:
             SceneError: where the stage is read strictly.
         """
         if self.strict:
-            raise SceneError(f"{path}: {text}")
-        self.notes.add(text, path)
+            self._refuse(SceneError(f"{path}: {text}"))
+        else:
+            self.notes.add(text, path)
 
     @contextmanager
     def leaving_out(self, path: object, done: str) -> Iterator[None]:
@@ -61,8 +62,9 @@ class Policy:
             raise
         except (SceneError, Tf.ErrorException) as error:
             if self.strict:
-                raise
-            self.notes.add(f"{_without_path(str(path), _text(error))}; {done}", path)
+                self._refuse(error)
+            else:
+                self.notes.add(f"{_without_path(str(path), _text(error))}; {done}", path)
 
     @contextmanager
     def going_on(self) -> Iterator[None]:
@@ -70,9 +72,12 @@ class Policy:
         try:
             yield
         except (FgfError, Tf.ErrorException) as error:
-            if self.refusals is None:
-                raise
-            self.refusals.append(error if isinstance(error, FgfError) else SceneError(_text(error)))
+            self._refuse(error)
+
+    def _refuse(self, error: Exception) -> None:
+        if self.refusals is None:
+            raise error
+        self.refusals.append(error if isinstance(error, FgfError) else SceneError(_text(error)))
 
 
 def _text(error: Exception) -> str:
