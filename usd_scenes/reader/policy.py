@@ -9,7 +9,8 @@ changing what the picture is of: a parameter of a medium's law, a shape that is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -17,6 +18,9 @@ from pxr import Tf
 
 from fgf_warp.errors import FgfError, MediumError, SceneError
 from usd_scenes.reader.notes import Notes
+
+VALUES = ("= ", "spans ", "holds ")
+"""What a text about an attribute's value begins with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,20 +44,23 @@ class Policy:
             SceneError: where the stage is read strictly.
         """
         if self.strict:
-            self._refuse(SceneError(f"{path}: {text}"))
+            # Nothing is done about it, and a value follows its attribute's path.
+            found = text.rpartition("; ")[0] or text
+            self._refuse(SceneError(f"{path} {found}" if found.startswith(VALUES) else f"{path}: {found}"))
         else:
             self.notes.add(text, path)
 
     @contextmanager
-    def leaving_out(self, path: object, done: str) -> Iterator[None]:
+    def leaving_out(self, path: object, done: str, bounds_medium: Callable[[], bool] = lambda: False) -> Iterator[None]:
         """Mends what is refused inside by doing without it.
 
         Args:
             path: of the prim that is left out.
             done: what is done, such as "the mesh is left out".
+            bounds_medium: tells whether it is to hold a medium, and so cannot be left out.
 
         Raises:
-            MediumError: that was raised inside.
+            MediumError: that was raised inside, or for what is refused of a prim that is to hold a medium.
             SceneError: that was raised inside, where the stage is read strictly.
         """
         try:
@@ -61,10 +68,13 @@ class Policy:
         except MediumError:
             raise
         except (SceneError, Tf.ErrorException) as error:
+            if bounds_medium():
+                raise MediumError(_text(error)) from error
             if self.strict:
                 self._refuse(error)
             else:
-                self.notes.add(f"{_without_path(str(path), _text(error))}; {done}", path)
+                blamed, text = _blamed(str(path), _text(error))
+                self.notes.add(f"{text}; {done}", blamed)
 
     @contextmanager
     def going_on(self) -> Iterator[None]:
@@ -84,6 +94,7 @@ def _text(error: Exception) -> str:
     return " ".join(error.args[0].commentary.split()) if isinstance(error, Tf.ErrorException) else str(error)
 
 
-def _without_path(path: str, text: str) -> str:
-    """A message without the path that it begins with, which the warning names anyway."""
-    return text.removeprefix(f"{path}: ").removeprefix(f"{path}.")
+def _blamed(path: str, text: str) -> tuple[str, str]:
+    """The path of a message that begins with one, of the prim or of a property of it, and what it says of that."""
+    begins = re.match(rf"({re.escape(path)}(?:\.[\w:]+)?)(?:: | )", text)
+    return (begins[1], text[begins.end() :]) if begins else (path, text)
