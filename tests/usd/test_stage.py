@@ -195,7 +195,7 @@ def test_a_stage_is_the_same_in_every_format(read, tmp_path: Path, name: str) ->
             "both.usda",  # the circle is named first, as it may be the cause of the rest
             '#usda 1.0\ndef "A" (\n references = @away.usda@\n)\n{\n}\ndef "B" (\n references = </C>\n)\n{\n}\n'
             'def "C" (\n references = </B>\n)\n{\n}\n',
-            r"both.usda: /[BC]: Cycle detected.* \(and \d more such errors\)",
+            "both.usda: /[BC]: Cycle detected",
         ),
         (
             "layer.usda",
