@@ -1,4 +1,4 @@
-"""What a stage gets wrong in one place costs that place: it is told and the rest is rendered; strictly it is refused."""
+"""What a stage gets wrong in one place costs that place: it is told, and the rest rendered; strictly it is refused."""
 
 from __future__ import annotations
 
@@ -101,9 +101,9 @@ def test_a_circle_is_left_open_where_it_closes(read) -> None:
             "is no array; accepted: an array of numbers; {}",
         ),
         (
-            "point3f[] points = [(0, 0, 0)",
+            POINTS,
             "float4[] points = [(0, 0, 0, 1), (0, 0, 0, 1), (0, 0, 0, 1), (0, 0, 0, 1)]",
-            "",
+            "is no array; accepted: an array of entries of 3 numbers; {}",
         ),
     ],
 )
