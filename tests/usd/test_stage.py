@@ -234,7 +234,7 @@ MISTYPED = [
     ("Mesh", "float[] points = [1, 2]", "/P.points is no array; accepted: an array of entries of 3 numbers"),
     ("Camera", 'string focalLength = "long"', "/P.focalLength = long; accepted: > 0"),
     ("RectLight", 'string inputs:intensity = "bright"', "/P.inputs:intensity = bright; accepted: >= 0"),
-    ("RectLight", "float inputs:color = 1", "/P.inputs:color = 1; accepted: three finite numbers"),
+    ("RectLight", "float inputs:color = 1", "/P.inputs:color = 1; accepted: three numbers >= 0"),
     ("RenderSettings", "float resolution = 3", "/P.resolution is no array; accepted: an array of numbers"),
 ]
 

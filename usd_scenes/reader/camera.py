@@ -13,6 +13,7 @@ from pxr import Usd, UsdGeom
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import FLOAT32_MAX, PROJECTIONS, Camera, Shape, unit_axes
 from usd_scenes.reader.attributes import (
+    FINITE,
     NOT_NEGATIVE,
     POSITIVE,
     Range,
@@ -28,7 +29,6 @@ from usd_scenes.reader.settings import Product
 FOCAL_LENGTH = 50.0
 APERTURES = (20.955, 15.2908)
 """USD's fallbacks."""
-FINITE = Range("a finite number")
 SCALE_ROUNDING = 1e-6
 """By so much less than float32 can tell a scale may differ from 1."""
 DEFAULT_CAMERA = "default camera"

@@ -11,6 +11,7 @@ from pxr import Pcp, Tf, Usd
 
 from fgf_warp.errors import FgfError, SceneError
 from usd_scenes.reader.context import StageContext
+from usd_scenes.reader.notes import Notes
 
 STAGE_ADDRESS = re.compile(r"\s*\([^()]* on stage @.*$", re.DOTALL)
 """USD ends warnings with the stage's address in memory, which differs from run to run."""
@@ -81,13 +82,13 @@ def leave_out_what_is_missing(context: StageContext) -> None:
         context.mend(_found_and_done(error, context.stage), error.rootSite.path)
 
 
-def note_warnings(trap: Tf.DiagnosticTrap, context: StageContext) -> None:
+def note_warnings(trap: Tf.DiagnosticTrap, notes: Notes, stage: Usd.Stage) -> None:
     """Hands on what USD warned of, but for what `leave_out_what_is_missing` has told."""
-    told = {_on_one_line(str(error)) for error in context.stage.GetCompositionErrors()}
+    told = {_on_one_line(str(error)) for error in stage.GetCompositionErrors()}
     for warning in trap.GetWarnings():
         text = _on_one_line(STAGE_ADDRESS.sub("", warning.commentary))
         if IN_PRIM.sub("", text) not in told:
-            context.notes.add(f"USD: {text}")
+            notes.add(f"USD: {text}")
 
 
 def _found_and_done(error: Pcp.ErrorBase, stage: Usd.Stage) -> str:

@@ -19,7 +19,7 @@ from pxr import Tf
 from fgf_warp.errors import FgfError, MediumError, SceneError
 from usd_scenes.reader.notes import Notes
 
-VALUES = ("= ", "spans ", "holds ")
+VALUES = ("= ", "is ", "spans ", "holds ")
 """What a text about an attribute's value begins with."""
 
 
@@ -44,9 +44,7 @@ class Policy:
             SceneError: where the stage is read strictly.
         """
         if self.strict:
-            # Nothing is done about it, and a value follows its attribute's path.
-            found = text.rpartition("; ")[0] or text
-            self._refuse(SceneError(f"{path} {found}" if found.startswith(VALUES) else f"{path}: {found}"))
+            self._refuse(SceneError(_found(path, text)))
         else:
             self.notes.add(text, path)
 
@@ -98,3 +96,9 @@ def _blamed(path: str, text: str) -> tuple[str, str]:
     """The path of a message that begins with one, of the prim or of a property of it, and what it says of that."""
     begins = re.match(rf"({re.escape(path)}(?:\.[\w:]+)?)(?:: | )", text)
     return (begins[1], text[begins.end() :]) if begins else (path, text)
+
+
+def _found(path: object, text: str) -> str:
+    """What `Policy.mend` is told, without what would be done; a value follows its attribute's path."""
+    found = text.rpartition("; ")[0] or text
+    return f"{path} {found}" if found.startswith(VALUES) else f"{path}: {found}"

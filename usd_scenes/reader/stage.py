@@ -30,6 +30,7 @@ from usd_scenes.reader.policy import Policy
 from usd_scenes.reader.settings import PURPOSES, Product, StageSettings, read_settings
 from usd_scenes.reader.shapes import ShapeReader
 from usd_scenes.reader.traversal import Met, walk
+from usd_scenes.reader.unread import PropertyCheck
 
 DEFAULT_PURPOSES = frozenset({"default", "render"})
 COMPLEXITIES = ("low", "medium", "high", "veryhigh")
@@ -278,7 +279,7 @@ def _read(
                 source=source,
             )
             _note_law_warnings(context, scene)
-    note_warnings(trap, context)
+    note_warnings(trap, context.notes, stage)
     reading = None
     if scene is not None and not refusals:
         reading = StageReading(scene, product.resolution, context.notes.texts(), product.sources, context.up_axis)
@@ -338,17 +339,19 @@ def _source(stage: Usd.Stage) -> str:
 
 def _read_prims(context: StageContext, materials: MaterialReader) -> tuple[list[Shape], list[Light]]:
     shapes = ShapeReader(context, materials)
+    properties = PropertyCheck(context)
     lights: list[tuple[Usd.Prim, Light]] = []
     found = list(walk(context))
-    emitting = emitting_meshes(met.prim for met in found if not met.copies)
+    emitting = emitting_meshes(met.prim for met in found if met.has_purpose and not met.copies)
     for met in found:
         with context.going_on():
             prim = met.prim
             _note_misplaced(prim, context)
+            properties.check(prim)
             if is_light(prim):
                 if met.copies:
                     context.notes.add("a light that is part of an instancer gives no light", prim.GetPath())
-                elif met.has_purpose or not prim.IsA(UsdGeom.Gprim):
+                elif met.has_purpose:
                     with context.leaving_out(prim.GetPath(), "the light is left out"):
                         light = read_light(prim, context)
                         lights.extend([(prim, light)] if light else [])

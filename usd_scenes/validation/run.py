@@ -10,8 +10,9 @@ from pathlib import Path
 from pxr import Sdr, Usd, UsdGeom, UsdShade, UsdValidation
 
 from usd_scenes import schema
-from usd_scenes.reader.diagnostics import open_stage, usd_errors_as_scene_errors
+from usd_scenes.reader.diagnostics import note_warnings, open_stage, usd_errors_as_scene_errors
 from usd_scenes.reader.frames import Frame, kind_of, name_of
+from usd_scenes.reader.notes import Notes
 from usd_scenes.reader.stage import StageReading, survey_stage
 from usd_scenes.validation.findings import MENDED, ORDER, OURS, Finding
 from usd_scenes.validation.media import check_binding, check_terminals, check_values
@@ -78,8 +79,10 @@ def validate_stage(
     """
     schema.register()
     schema.register_shader()
-    with usd_errors_as_scene_errors(str(path)):
+    with usd_errors_as_scene_errors(str(path)) as trap:
         stage = open_stage(Path(path))
+        of_opening = Notes()
+        note_warnings(trap, of_opening, stage)
         by_plugin = _validators_of_usd()
         steps = [*by_plugin, *(name_of(frame) for frame in frames)]
 
@@ -96,6 +99,7 @@ def validate_stage(
         for index, frame in enumerate(frames):
             show(name_of(frame))
             survey = survey_stage(stage, frame, **vars(asked or Asked()))
+            survey = replace(survey, warnings=(*of_opening.entries(), *survey.warnings))
             reading = survey.reading if index == 0 else reading
             found = [
                 *_of_media(stage, frame),
