@@ -271,6 +271,18 @@ def test_at_no_frame_nothing_has_moved(read, frame: str | None) -> None:
     assert read(mesh(body), frame=frame).scene.shapes[0].points[0, 0] == expected
 
 
+def test_instances_with_velocities_are_read_where_there_is_no_frame(read) -> None:
+    lines = """rel prototypes = </P/S>
+    int[] protoIndices = [0]
+    point3f[] positions.timeSamples = { 3: [(1, 0, 0)], 24: [(5, 0, 0)] }
+    vector3f[] velocities.timeSamples = { 3: [(10, 0, 0)], 24: [(0, 0, 0)] }
+    def Sphere "S" {
+    }
+"""
+    (shape,) = read(f'def PointInstancer "P"\n{{\n{lines}}}\n').scene.shapes
+    np.testing.assert_array_equal(shape.object_to_world[:3, 3], [1, 0, 0])
+
+
 @pytest.mark.parametrize(
     ("lines", "warning", "x"),
     [

@@ -4,7 +4,7 @@ What is wrong in one place costs that place: a missing asset or target, a malfor
 range. The prim is mended or left out, and a warning names it, what was found and what was done (`Policy.mend` and
 `Policy.leaving_out`); where the stage is read strictly, it is an error. Refused is what cannot be mended without
 changing what the picture is of: a parameter of a medium's law, a shape that is to hold a medium and cannot
-(`MediumError`), and what the stage as a whole lacks.
+(`MediumError`), a stage that cannot be parsed, and what is asked for and not there.
 """
 
 from __future__ import annotations
