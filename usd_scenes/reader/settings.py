@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, UsdRender
+from pxr import Sdf, Usd, UsdGeom, UsdRender, Vt
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import CONFORM_POLICIES, ConformPolicy
@@ -182,7 +182,7 @@ def _read_purposes(settings: Usd.Prim, context: StageContext) -> tuple[str, ...]
     attribute = settings.GetAttribute("includedPurposes")
     if not is_authored(attribute):
         return None
-    asked = tuple(map(str, attribute.Get(context.time) or ()))
+    asked = _words(attribute, context)
     if unknown := [purpose for purpose in asked if purpose not in PURPOSES]:
         accepted = ", ".join(PURPOSES)
         context.mend(f"holds {', '.join(unknown)}; accepted: {accepted}; it is left out", attribute.GetPath())
@@ -212,6 +212,15 @@ def _camera_path(prim: Usd.Prim, context: StageContext) -> str | None:
     return str(targets[0])
 
 
+def _words(attribute: Usd.Attribute, context: StageContext) -> tuple[str, ...]:
+    """An array of tokens; none, with a warning, where it is something else."""
+    value = attribute.Get(context.time) if attribute else None
+    if value is None or isinstance(value, Vt.TokenArray | Vt.StringArray):
+        return tuple(value or ())
+    context.mend(f"= {value}; accepted: an array of tokens; it is left out", attribute.GetPath())
+    return ()
+
+
 def _targets(prim: Usd.Prim, name: str) -> list[Sdf.Path]:
     relationship = prim.GetRelationship(name)
     return list(relationship.GetForwardedTargets()) if relationship else []
@@ -226,7 +235,7 @@ def _numbers(attribute: Usd.Attribute, time: Usd.TimeCode, count: int, dtype: ty
 
 def _note_what_is_not_read(settings: Usd.Prim, context: StageContext) -> None:
     purposes = settings.GetAttribute("materialBindingPurposes")
-    asked = tuple("" if purpose == "allPurpose" else purpose for purpose in purposes.Get(context.time) or ())
+    asked = tuple("" if purpose == "allPurpose" else purpose for purpose in _words(purposes, context))
     if asked not in (FULL_BINDING, FULL_BINDING[:1]) and (asked != ("",) or _has_full_binding(context.stage)):
         context.notes.add("materials are those bound for the purpose full, whatever it says", purposes.GetPath())
     space = settings.GetAttribute("renderingColorSpace")
