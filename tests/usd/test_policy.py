@@ -218,6 +218,38 @@ def test_transforms_that_are_none_leave_out_what_they_are_of(read, lines: str, w
     assert reading.warnings == (warning,)
 
 
+@pytest.mark.parametrize(
+    ("line", "warning", "is_seen"),
+    [
+        (
+            'token visibility = "hidden"',
+            "= hidden; accepted: inherited, invisible; inherited is used: /A.visibility",
+            True,
+        ),
+        (
+            'token visibility = "Invisible"',
+            "= Invisible; accepted: inherited, invisible; invisible is used: /A.visibility",
+            False,
+        ),
+        (
+            'uniform token purpose = "beauty"',
+            "= beauty; accepted: default, render, proxy, guide; default is used: /A.purpose",
+            True,
+        ),
+    ],
+)
+def test_words_that_say_whether_a_prim_is_seen(mended, line: str, warning: str, is_seen: bool) -> None:
+    group = f'def Xform "A"\n{{\n{line}\ndef Cube "Below"\n{{\n}}\n}}\n'
+    reading = mended(BALL + group, warning)
+    assert [shape.name for shape in reading.scene.shapes] == ["/Ball", "/A/Below"][: 1 + is_seen]
+
+
+def test_normals_that_do_not_fit_are_left_out(mended) -> None:
+    warning = "vertex primvar of 1 values where 4 are expected is left out: /M.normals"
+    (shape,) = mended(mesh(QUAD + "normal3f[] normals = [(0, 0, 1)]"), warning).scene.shapes
+    assert shape.normals is None
+
+
 def test_prims_that_are_nested_a_thousand_deep_are_read(tmp_path: Path) -> None:
     layer = Sdf.Layer.CreateAnonymous(".usda")
     Sdf.CreatePrimInLayer(layer, "/" + "/".join(f"a{k}" for k in range(1000)) + "/Ball").typeName = "Sphere"
@@ -411,6 +443,13 @@ def test_a_camera_is_mended(mended, line: str, warning: str, key: str, value: ob
     path = f"/Film.{name}" if name else "/Film"
     reading = mended(f'def Camera "Film"\n{{\n{line}\n}}\n' + BALL, f"{text}: {path}", camera="")
     assert getattr(reading.scene.camera, key) == value
+
+
+def test_a_value_that_was_asked_for_is_not_mended(tmp_path: Path) -> None:
+    path = write(tmp_path, HEADER + 'def Camera "Film"\n{\nfloat focalLength = -2\n}\n' + BALL)
+    assert read_scene(path).scene.camera.focal_length == 50
+    with pytest.raises(SceneError, match=r"/Film.focalLength = -1; accepted: > 0"):
+        read_scene(path, edits={"/Film.focalLength": -1.0})
 
 
 def test_a_camera_that_cannot_be_is_left_out_unless_it_is_asked_for(read) -> None:

@@ -221,7 +221,7 @@ def _focus(camera: UsdGeom.Camera, context: StageContext, *, has_lens: bool) -> 
         context.notes.add("fStop without a focusDistance is not used: the camera is a pinhole", camera.GetPath())
     elif distance == 0:
         accepted = f"> 0 with fStop = {f_stop:g}; a pinhole has fStop = 0"
-        context.mend(f"focusDistance = 0; accepted: {accepted}; the camera is a pinhole", camera.GetPath())
+        context.mend(f"= 0; accepted: {accepted}; the camera is a pinhole", attribute.GetPath())
     else:
         return f_stop, distance
     return 0.0, distance

@@ -166,7 +166,7 @@ class MeshForm(Form):
             faces = read_places(subset.GetIndicesAttr(), self.context, len(owners), "faces")
             if (owners[faces] >= 0).any():
                 text = "faces that an earlier GeomSubset holds too keep the material of that"
-                self.context.notes.add(text, subset.GetPath())
+                self.context.mend(text, subset.GetPath())
             faces = faces[owners[faces] < 0]
             owners[faces] = number
         return owners
@@ -196,7 +196,7 @@ class MeshForm(Form):
             return None
         if values.shape[1] != 3:
             text = f"normals of {values.shape[1]} numbers, and not of three, are left out"
-            self.context.notes.add(text, attribute.GetPath())
+            self.context.mend(text, attribute.GetPath())
             return None
         primvar = Primvar(values, interpolation, indices)
         found = fitted(primvar, self._cage.authored, str(attribute.GetPath()), self.context)

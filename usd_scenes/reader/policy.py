@@ -31,19 +31,21 @@ class Policy:
         strict: True where what would be mended or left out is an error.
         notes: collects warnings.
         refusals: collects errors, so that all of a stage's are found; None: the first one is raised.
+        asked_for: attributes whose values were asked for in place of the stage's, of which none is mended.
     """
 
     strict: bool = False
     notes: Notes = field(default_factory=Notes)
     refusals: list[FgfError] | None = None
+    asked_for: frozenset[str] = frozenset()
 
     def mend(self, text: str, path: object) -> None:
         """Tells what is wrong with one prim or attribute and what is done about it, in this order: "found; done".
 
         Raises:
-            SceneError: where the stage is read strictly.
+            SceneError: where the stage is read strictly, or the value was asked for.
         """
-        if self.strict:
+        if self.strict or str(path) in self.asked_for:
             self._refuse(SceneError(_found(path, text)))
         else:
             self.notes.add(text, path)
@@ -59,7 +61,7 @@ class Policy:
 
         Raises:
             MediumError: that was raised inside, or for what is refused of a prim that is to hold a medium.
-            SceneError: that was raised inside, where the stage is read strictly.
+            SceneError: that was raised inside, where the stage is read strictly, or of a value that was asked for.
         """
         try:
             yield
@@ -68,11 +70,12 @@ class Policy:
         except (SceneError, Tf.ErrorException) as error:
             if bounds_medium():
                 raise MediumError(_text(error)) from error
-            if self.strict:
+            text = _text(error)
+            if self.strict or text.startswith(tuple(f"{asked}{end}" for asked in self.asked_for for end in " :")):
                 self._refuse(error)
             else:
-                blamed, text = _blamed(str(path), _text(error))
-                self.notes.add(f"{text}; {done}", blamed)
+                blamed, found = _blamed(str(path), text)
+                self.notes.add(f"{found}; {done}", blamed)
 
     @contextmanager
     def going_on(self) -> Iterator[None]:

@@ -70,6 +70,7 @@ class _Choices:
     strict: bool = False
     render_settings: str | None = None
     product: str | None = None
+    asked_for: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,8 @@ def read_scene(
         SceneError: naming file, prim, attribute, the value found and what is accepted.
         UnsupportedFeatureError: for what cannot be rendered and cannot be left out.
     """
-    choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product)
+    asked_for = frozenset(target.partition("[")[0] for target in edits or {})
+    choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product, asked_for)
     schema.register()
     with usd_errors_as_scene_errors(str(path)) as trap:
         stage = open_stage(Path(path))
@@ -238,7 +240,7 @@ def _read(
         time=_time_code(stage, choices.frame),
         purposes=DEFAULT_PURPOSES,
         refinement=_refinement(choices.complexity),
-        policy=Policy(strict=choices.strict, refusals=refusals),
+        policy=Policy(strict=choices.strict, refusals=refusals, asked_for=choices.asked_for),
     )
     with context.going_on():
         leave_out_what_is_missing(context)

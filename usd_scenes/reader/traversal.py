@@ -7,11 +7,16 @@ from dataclasses import dataclass
 
 from pxr import Sdf, Usd, UsdGeom
 
+from usd_scenes.reader.attributes import read_mended_token
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.instancing import Copies, read_copies
+from usd_scenes.reader.settings import PURPOSES
 
 PROTOTYPE_PRIMS = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier
 """Prototypes may stand below an `over` or a `class`, which keeps them from being drawn by themselves."""
+
+
+VISIBILITIES = ("inherited", "invisible")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +54,22 @@ def walk(context: StageContext) -> Iterator[Met]:
             continue
         imageable, purpose = UsdGeom.Imageable(place.prim), place.purpose
         if imageable:
-            if imageable.GetVisibilityAttr().Get(context.time) == UsdGeom.Tokens.invisible:
+            if read_mended_token(imageable.GetVisibilityAttr(), context, VISIBILITIES, "inherited") == "invisible":
                 continue
             purpose = imageable.ComputePurposeInfo(purpose) if purpose else imageable.ComputePurposeInfo()
-        yield Met(place.prim, place.copies, purpose is None or purpose.purpose in context.purposes)
+        yield Met(place.prim, place.copies, purpose is None or _is_asked_for(purpose, place.prim, context))
         levels.append(_below(_Place(place.prim, place.copies, purpose), context))
+
+
+def _is_asked_for(info: UsdGeom.Imageable.PurposeInfo, prim: Usd.Prim, context: StageContext) -> bool:
+    purpose = info.purpose
+    if purpose not in PURPOSES:
+        attribute = UsdGeom.Imageable(prim).GetPurposeAttr()
+        if attribute.HasAuthoredValue():  # Below it the same holds, and is not told again.
+            text = f"= {attribute.Get()}; accepted: {', '.join(PURPOSES)}; default is used"
+            context.mend(text, attribute.GetPath())
+        purpose = "default"
+    return purpose in context.purposes
 
 
 def _below(place: _Place, context: StageContext) -> Iterator[_Place]:
