@@ -164,7 +164,8 @@ seconds, size = int(sys.argv[2]), int(sys.argv[3])
 resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
 resource.setrlimit(resource.RLIMIT_AS, (2 * size, 2 * size))
 try:
-    for prim in Usd.Stage.Open(sys.argv[1]).Traverse(Usd.TraverseInstanceProxies()):
+    stage = Usd.Stage.Open(sys.argv[1])
+    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
         for attribute in prim.GetAttributes():
             attribute.Get(Usd.TimeCode.EarliestTime())
 except Tf.ErrorException:
