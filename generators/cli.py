@@ -66,6 +66,12 @@ class _Group(TyperGroup):
             fail(str(error), EXIT_CORRUPT)
         except (FgfError, OSError) as error:
             fail(str(error), EXIT_BAD_INPUT)
+        except BrokenPipeError:
+            raise
+        except OSError as error:  # Of a name that no file can have, above all: whoever asks for a file may meet one.
+            if error.filename is None:
+                raise
+            fail(f"{error.filename}: {error.strerror}", EXIT_BAD_INPUT)
         sys.exit(code or 0)
 
 

@@ -666,6 +666,23 @@ def test_validate_tells_all_that_is_wrong(tmp_path):
     assert verdict == "not accepted by the renderer"
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("render", "STAGE", "-o", "LONG.exr"),
+        ("render", "STAGE", "-o", "LONG/a.exr"),
+        ("render", "STAGE", "-o", "a.exr", "--png", "LONG.png"),
+        ("render", "LONG.usda", "-o", "a.exr"),
+        ("validate", "LONG.usda"),
+        ("plan", "LONG.yaml"),
+    ],
+)
+def test_a_name_that_no_file_can_have_is_refused(tmp_path, stage, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    spelled = [argument.replace("STAGE", str(stage)).replace("LONG", "x" * 300) for argument in arguments]
+    assert_refused(fgf(*spelled), "File name too long")
+
+
 def test_validate_takes_what_changes_what_is_read(tmp_path, config_path):
     path = tmp_path / "scene.usda"
     path.write_text(

@@ -16,8 +16,12 @@ from pxr import Sdf, Tf
 from tests.usd.fuzz_stages import RICH, base_stages, write_pictures
 from tests.usd.fuzz_texts import changed
 
+CPU_LIMIT = 20
+"""Seconds of the processor that one stage may take, with its validation, after which the process is ended."""
+MEMORY_LIMIT = 2 << 30
+"""Bytes that are in memory at once, with the renderer's own."""
 TIME_LIMIT = 300
-"""Seconds by the clock after which a process that waits is ended; one that works is at `fuzz_process.CPU_LIMIT`."""
+"""Seconds by the clock after which a process that waits is ended."""
 TEXT, BINARY, PACKAGE = ".usda", ".usdc", ".usdz"
 KINDS = {TEXT: 8, BINARY: 1, PACKAGE: 1}
 """How often each kind of file is taken; mistakes of the latter two are in their bytes, at times in their text too."""
@@ -136,11 +140,14 @@ class Renderer:
         answer = process.stdout.readline()
         timer.cancel()
         if answer:
-            return Outcome(**json.loads(answer))
-        code = process.wait()
-        self.close()
-        how = Outcome("hung" if code in (-signal.SIGKILL, -signal.SIGPROF) else "crashed", f"exit code {code}")
-        return how if path.suffix == TEXT or _can_be_opened(path) else Outcome("outside", how.kind)
+            outcome = Outcome(**json.loads(answer))
+        else:
+            code = process.wait()
+            self.close()
+            outcome = Outcome("hung" if code in (-signal.SIGKILL, -signal.SIGPROF) else "crashed", f"exit code {code}")
+        if outcome.is_clean or path.suffix == TEXT or is_opened_by_usd(path):
+            return outcome
+        return Outcome("outside", outcome.kind)
 
     def close(self) -> None:
         """Ends the process."""
@@ -151,23 +158,26 @@ class Renderer:
 
 
 WALK = """
-import sys
+import resource, sys
 from pxr import Tf, Usd
+seconds, size = int(sys.argv[2]), int(sys.argv[3])
+resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+resource.setrlimit(resource.RLIMIT_AS, (2 * size, 2 * size))
 try:
-    for prim in Usd.Stage.Open(sys.argv[1]).Traverse(Usd.TraverseInstanceProxies()):
+    stage = Usd.Stage.Open(sys.argv[1])
+    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
         for attribute in prim.GetAttributes():
             attribute.Get(Usd.TimeCode.EarliestTime())
 except Tf.ErrorException:
     pass
+sys.exit(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss > size)
 """
 
 
-def _can_be_opened(path: Path) -> bool:
-    """True where USD alone reads all of a file, or refuses it, and lives."""
+def is_opened_by_usd(path: Path) -> bool:
+    """True where USD alone reads all of a file, or refuses it, within the bounds that hold for us."""
+    command = [sys.executable, "-c", WALK, str(path), str(CPU_LIMIT), str(MEMORY_LIMIT)]
     try:
-        done = subprocess.run(
-            [sys.executable, "-c", WALK, str(path)], capture_output=True, timeout=TIME_LIMIT, check=False
-        )
+        return subprocess.run(command, capture_output=True, timeout=TIME_LIMIT, check=False).returncode == 0
     except subprocess.TimeoutExpired:
         return False
-    return done.returncode >= 0

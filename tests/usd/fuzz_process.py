@@ -26,6 +26,7 @@ from fgf_warp.output.exr import read_exr
 from fgf_warp.scene import MeshInstance, Scene, Shape
 from fgf_warp.settings import Aov, RenderSettings
 from generators.cli import app
+from tests.usd.fuzz import CPU_LIMIT, MEMORY_LIMIT
 from tests.usd.one_kernel import union
 from usd_scenes.reader import read_scene
 
@@ -48,10 +49,6 @@ OPTIONS = [
 ]
 
 
-CPU_LIMIT = 20
-"""Seconds of the processor that one stage may take, with its validation, after which the process is ended."""
-MEMORY_LIMIT = 2 << 30
-"""Bytes that are in memory at once, with the renderer's own."""
 OF_THE_STAGE = re.compile(
     r"no (camera|light|geometry): |upAxis = |metersPerUnit = |\d+ cameras and none|several RenderSettings|USD: |"
     r"the stage's renderSettingsPrimPath|render var of sourceName "

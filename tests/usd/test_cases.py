@@ -69,6 +69,8 @@ def Material "Look"
     {{
         uniform token info:id = "UsdUVTexture"
         asset inputs:file = @{file}@
+        token inputs:wrapS = "repeat"
+        token inputs:wrapT = "repeat"
         float3 outputs:rgb
     }}
 }}

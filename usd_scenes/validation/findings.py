@@ -95,7 +95,8 @@ def refusal(name: str, stage: Usd.Stage, text: str) -> UsdValidation.ValidationE
 
 def mended(stage: Usd.Stage, text: str, path: str) -> UsdValidation.ValidationError:
     """A warning of the reader, of what is at `path`; where that is empty, the text may begin with a path."""
-    prim, site, own = _placed(stage, f"{path}: {text}" if path else text)
+    joint = " " if text.startswith(("= ", "is ")) else ": "  # A value follows its attribute's path.
+    prim, site, own = _placed(stage, f"{path}{joint}{text}" if path else text)
     return warning(MENDED, prim, own, site)
 
 

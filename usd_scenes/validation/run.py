@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
-from pxr import Sdr, Usd, UsdGeom, UsdShade, UsdValidation
+from pxr import Sdr, Tf, Usd, UsdGeom, UsdShade, UsdValidation
 
 from usd_scenes import schema
 from usd_scenes.reader.diagnostics import note_warnings, open_stage, usd_errors_as_scene_errors
@@ -152,10 +152,22 @@ def _validators_of_usd() -> dict[str, list[UsdValidation.Validator]]:
     return found
 
 
-def _run(validators: list[UsdValidation.Validator], stage: Usd.Stage) -> Iterator[Finding]:
-    for error in UsdValidation.ValidationContext(validators).Validate(stage):
-        if not _is_of_materialx(error):
-            yield Finding.of(error)
+def _run(validators: list[UsdValidation.Validator], stage: Usd.Stage) -> list[Finding]:
+    try:
+        found = UsdValidation.ValidationContext(validators).Validate(stage)
+    except Tf.ErrorException:
+        if len(validators) == 1:
+            # As where a layer is damaged that the stage does without: the reader names it.
+            return [
+                Finding(
+                    "warning",
+                    validators[0].GetMetadata().name,
+                    "/",
+                    "fails on this stage, of which a layer may be damaged",
+                )
+            ]
+        return [finding for validator in validators for finding in _run([validator], stage)]
+    return [Finding.of(error) for error in found if not _is_of_materialx(error)]
 
 
 def _of_media(stage: Usd.Stage, frame: Frame | None) -> Iterator[Finding]:
