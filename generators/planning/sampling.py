@@ -26,6 +26,7 @@ import numpy as np
 
 from fgf_warp.errors import ConfigError
 from generators.dataset.layout import SPLITS
+from generators.planning.axes import VALUES_MAX
 from generators.planning.config import SplitsConfig
 from generators.planning.document import LoadedConfig
 from generators.planning.resolve import Axis, Sweep
@@ -33,7 +34,7 @@ from generators.planning.resolve import Axis, Sweep
 Parameters = dict[str, float | str]
 """Values of the axes, in their order, by column."""
 
-SAMPLES_MAX = 1_000_000
+SAMPLES_MAX = VALUES_MAX
 """As many as names of six digits number."""
 DESIGN_KEY = 2**31
 """Before the key of a design's randomness: far above all numbers of samples."""
@@ -46,7 +47,7 @@ def sample_seed(dataset_seed: int, index: int) -> int:
 
 def position_count(sweep: Sweep, draws: int) -> int:
     """Number of combinations, times the draws."""
-    return math.prod(len(factor[0].values or ()) for factor in sweep.factors) * draws
+    return math.prod(factor[0].config.count for factor in sweep.factors) * draws
 
 
 def sample_parameters(loaded: LoadedConfig, sweep: Sweep) -> list[Parameters]:

@@ -126,7 +126,7 @@ def test_missing_file_is_refused(tmp_path):
         ("image.wdth=3", r"--set image.wdth=3: image.wdth: unknown key; did you mean width\?"),
         ("axes.Q=[1]", "--set axes.Q=.*: axes.Q: no such parameter to sweep"),
         ("name.x=3", "--set name.x=3: name is 'a', which has no keys"),
-        ("axes=[", "--set axes=.: the value is not valid YAML"),
+        ("axes=[", "--set axes=.: not valid YAML: "),
     ],
 )
 def test_override_errors_name_the_override(write_config, override, message):
