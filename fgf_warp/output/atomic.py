@@ -12,6 +12,8 @@ from fgf_warp.errors import OutputError
 
 PARTIAL_GLOB = ".*.partial*"
 """Matches the hidden names of files that are being written, or were when the machine stopped."""
+NAME_BYTES_MAX = 255 - len(f"..{uuid.uuid4().hex[:12]}.partial")
+"""Of a file: what file systems take, without what is added while it is being written."""
 
 
 @contextmanager
@@ -70,11 +72,18 @@ def check_writable(path: Path) -> None:
         path: a file that need not exist, in a folder that must.
 
     Raises:
-        OutputError: where the folder is missing or not writable, or `path` is itself a folder.
+        OutputError: where the name is too long, the folder is missing or not writable, or `path` is itself a folder.
     """
-    if path.is_dir():
+    length = len(os.fsencode(path.name))
+    if length > NAME_BYTES_MAX:
+        raise OutputError(f"{path.name[:40]}...: is {length} bytes long; accepted: at most {NAME_BYTES_MAX}")
+    try:
+        is_folder, has_parent = path.is_dir(), path.parent.is_dir()
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror}") from error
+    if is_folder:
         raise OutputError(f"{path}: is a folder; accepted: the name of a file")
-    if not path.parent.is_dir():
+    if not has_parent:
         raise OutputError(f"{path}: there is no folder {path.parent}")
     probe = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:12]}.partial")
     try:

@@ -26,7 +26,8 @@ from generators.planning.config import (
     SweepConfig,
     TargetsConfig,
 )
-from generators.planning.yaml_text import TEXT_MAX, YamlTextError, one_line, parse_yaml
+from generators.planning.yaml_text import TEXT_MAX, YamlTextError, parse_yaml
+from generators.wording import one_line
 
 Keys = tuple[int | str, ...]
 """Where a value is in a document."""

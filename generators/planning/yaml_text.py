@@ -17,6 +17,8 @@ from ruamel.yaml.constructor import RoundTripConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
+from generators.wording import one_line
+
 TEXT_MAX = 2**18
 """Characters: the parser reads 50,000 in a second."""
 NODES_MAX = 100_000
@@ -77,13 +79,6 @@ def parse_yaml(text: str) -> Any:
             raise
         except OTHER_ERRORS as error:
             raise YamlTextError(f"not valid YAML: {error}", yaml.reader.line + 1) from error
-
-
-def one_line(text: str, length: int | None = None) -> str:
-    """A text without what would break a line or steer a terminal, cut where it is longer than `length`."""
-    plain = "".join(char if char.isprintable() else " " if char.isspace() else f"\\x{ord(char):02x}" for char in text)
-    plain = " ".join(plain.split())
-    return plain if length is None or len(plain) <= length else plain[: length - 3] + "..."
 
 
 class _TreeConstructor(RoundTripConstructor):
