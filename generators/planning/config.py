@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, Literal
+from functools import cached_property
+from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
@@ -12,7 +13,7 @@ from fgf_warp.errors import ConfigError
 from fgf_warp.result import OVER
 from fgf_warp.settings import PRESETS, SEED_MAX, SIZE_MAX, SPP_MAX, Aov, RenderSettings
 from generators.dataset.layout import SPLITS
-from generators.planning.axes import VALUES_MAX, AxisConfig, GridConfig, Model
+from generators.planning.axes import VALUES_MAX, AxisConfig, GridConfig, Model, Number
 from generators.wish import Wish
 
 AovName = Literal[
@@ -88,14 +89,16 @@ class TargetsConfig(Model):
 
     @model_validator(mode="after")
     def _check_lengths(self) -> TargetsConfig:
-        if self.transmittance is None:
-            return self
-        if self.transmittance.count > LENGTHS_MAX:
+        if self.transmittance is not None and self.transmittance.count > LENGTHS_MAX:
             raise PydanticCustomError("target_lengths", f"transmittance: at most {LENGTHS_MAX} lengths")
-        lengths = self.transmittance.grid_values()
-        if not all(isinstance(length, float) and length >= 0 for length in lengths):
+        if not all(isinstance(length, float) and length >= 0 for length in self.lengths):
             raise PydanticCustomError("target_lengths", "transmittance: lengths >= 0")
         return self
+
+    @cached_property
+    def lengths(self) -> tuple[float, ...]:
+        """Of the transmittance [unit]; none where it is not asked for."""
+        return cast("tuple[float, ...]", self.transmittance.grid_values()) if self.transmittance else ()
 
 
 class SplitsConfig(Model):
@@ -125,13 +128,13 @@ class SplitsConfig(Model):
 class OrbitConfig(Model):
     """The camera on a sphere, looking at its centre with its own lens; axes of these names take a value's place."""
 
-    center: Annotated[tuple[float, float, float], Field(strict=False)] = (0.0, 0.0, 0.0)
+    center: Annotated[tuple[Number, Number, Number], Field(strict=False)] = (0.0, 0.0, 0.0)
     """What the camera looks at [unit]."""
-    azimuth: float = 0.0
+    azimuth: Number = 0.0
     """Around the up axis [degree]: 0 is in front (at +z, or -y where z is up), 90 on the right (at +x)."""
-    elevation: float = 15.0
+    elevation: Number = 15.0
     """Above the horizon [degree], in (-90, 90)."""
-    distance: float | None = None
+    distance: Number | None = None
     """From the centre [unit], > 0; needed where no axis says it."""
 
 

@@ -267,6 +267,7 @@ def _survey(
             media[index] = medium = _medium(loaded, sweep, base.scene, place, index, parameters[index])
             for warning in base.scene.medium_warnings(place, medium):
                 of_media.setdefault(warning, index)
+    progress("reading scenes", done, len(parameters))
     if len(sizes) > 1:
         found = " and ".join(f"{width} x {height} (sample {index})" for (width, height), index in sizes.items())
         raise ConfigError(f"{loaded.path}: images of {found}; accepted: one size, as by image.width and image.height")
@@ -343,9 +344,9 @@ def _medium(loaded: LoadedConfig, sweep: Sweep, scene: Scene, place: int, index:
 
 def _check_lengths(config: SweepConfig, medium: Medium) -> None:
     """Refuses a transmittance curve that goes on where the law ends."""
-    if config.targets.transmittance:
-        longest, reach = max(config.targets.transmittance.grid_values()), medium.line_law.longest_segment()
-        if longest > reach:  # type: ignore[operator]
+    if config.targets.lengths:
+        longest, reach = max(config.targets.lengths), medium.line_law.longest_segment()
+        if longest > reach:
             raise SceneError(f"targets.transmittance: t = {longest:g}; accepted: at most {reach:g}, where the law ends")
 
 
@@ -378,8 +379,8 @@ def _meta(loaded: LoadedConfig, sweep: Sweep, survey: _Survey, settings: RenderS
     config = loaded.config
     names = {medium.name: None for medium in survey.media if medium is not None}
     targets: dict[str, Any] = {}
-    if config.targets.transmittance:
-        targets["transmittance"] = {"t": list(config.targets.transmittance.grid_values())}
+    if config.targets.lengths:
+        targets["transmittance"] = {"t": list(config.targets.lengths)}
     if config.targets.mean_free_path:
         targets["mean_free_path"] = True
     return PlanMeta(

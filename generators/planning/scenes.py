@@ -183,4 +183,6 @@ def orbiting(
     level = math.cos(around) * front + math.sin(around) * across
     center = np.array(orbit.center)
     eye = center + distance * (math.cos(above) * level + math.sin(above) * up)
+    if not 0 < np.linalg.norm(eye - center) < math.inf:
+        raise ConfigError(f"distance = {distance:g}; accepted: one that is seen beside center = {list(orbit.center)}")
     return replace(camera, camera_to_world=look_at(eye, center, up), closing=None)

@@ -7,6 +7,7 @@ value of its own, without an anchor. Aliases can multiply, which is why nodes ar
 from __future__ import annotations
 
 import copy
+import re
 import unicodedata
 import warnings
 from collections.abc import Iterator
@@ -27,6 +28,9 @@ DEPTH_MAX = 50
 """Of what is in each other; a config needs 5."""
 NUMBER_LENGTH_MAX = 100
 """Characters of a number, so that each fits a double, or is infinite as written."""
+
+TOO_DEEP = re.compile(rf"(?:\[\s*){{{DEPTH_MAX + 1}}}")
+"""Told before parsing: of every bracket the parser looks through all that are open."""
 
 TAG = "tag:yaml.org,2002:"
 MERGE = f"{TAG}merge"
@@ -62,6 +66,9 @@ def parse_yaml(text: str) -> Any:
     """
     if len(text) > TEXT_MAX:
         raise YamlTextError(f"is {len(text)} characters long; accepted: at most {TEXT_MAX}")
+    if found := TOO_DEEP.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise YamlTextError(f"is nested too deep; accepted: at most {DEPTH_MAX} levels", line)
     yaml = YAML()
     yaml.Constructor = _TreeConstructor
     with warnings.catch_warnings():
