@@ -70,7 +70,9 @@ def parse_frames(spec: str) -> tuple[float, ...]:
         last = float(match[2] or first)
         stride = float(match[3] or math.copysign(1, last - first))
         if stride == 0 or (last - first) / stride < 0:
-            raise ConfigError(f"--frames {shortened(spec)}: stride {stride:g}; accepted: one that leads from {first:g} to {last:g}")
+            raise ConfigError(
+                f"--frames {shortened(spec)}: stride {stride:g}; accepted: one that leads from {first:g} to {last:g}"
+            )
         count = math.floor((last - first) / stride + 10**-FRAME_DECIMALS) + 1
         if len(found) + count > FRAMES_MAX:
             raise ConfigError(f"--frames {shortened(spec)}: accepted: at most {FRAMES_MAX} frames")

@@ -49,7 +49,11 @@ def generate(
     ] = "0/1",
     sample: Annotated[
         list[int] | None,
-        typer.Option(metavar="INDEX", parser=whole("--sample", 0, SAMPLE_MAX), help="Only this sample, repeatable, such as to look at it again."),
+        typer.Option(
+            metavar="INDEX",
+            parser=whole("--sample", 0, SAMPLE_MAX),
+            help="Only this sample, repeatable, such as to look at it again.",
+        ),
     ] = None,
     executor: Annotated[
         str, typer.Option(help="Who renders: local; ray, a cluster of Ray; slurm, an array of jobs.")

@@ -65,7 +65,8 @@ def render(
         typer.Option("--camera", "-cam", metavar="PATH", help="Camera; default: the render settings', or the first."),
     ] = None,
     width: Annotated[
-        int | None, typer.Option(
+        int | None,
+        typer.Option(
             "--imageWidth",
             "-w",
             metavar="N",
@@ -74,7 +75,8 @@ def render(
         ),
     ] = None,
     height: Annotated[
-        int | None, typer.Option(
+        int | None,
+        typer.Option(
             "--imageHeight",
             metavar="N",
             parser=whole("--imageHeight", 1, SIZE_MAX),

@@ -32,9 +32,7 @@ def canonical(value: Any) -> Any:
         return {str(key): canonical(item) for key, item in value.items()}
     if isinstance(value, tuple | list):
         return [canonical(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return repr(value)
-    return value
+    return repr(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 class KeptHashes:

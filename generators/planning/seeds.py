@@ -30,7 +30,7 @@ def seed_words(dataset_seed: int, numbers: Sequence[int] | np.ndarray, suffix: S
         (n,) uint64.
     """
     of_seed = [dataset_seed & MASK, dataset_seed >> 32, 0, 0]
-    entropy = [*of_seed, np.asarray(numbers, dtype=np.uint32), *suffix]
+    entropy: list[int | np.ndarray] = [*of_seed, np.asarray(numbers, dtype=np.uint32), *suffix]
     mixer = _Mixer()
     pool = [mixer.hash(word) for word in entropy[:POOL]]
     for source in range(POOL):
@@ -63,5 +63,5 @@ class _Mixer:
 
 
 def _mix(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    value = np.uint32(MIX_LEFT) * one - np.uint32(MIX_RIGHT) * other
+    value: np.ndarray = np.uint32(MIX_LEFT) * one - np.uint32(MIX_RIGHT) * other
     return np.asarray(value ^ value >> np.uint32(SHIFT))

@@ -76,8 +76,8 @@ def parse_yaml(text: str) -> Any:
         try:
             return yaml.load(text)
         except MarkedYAMLError as error:
-            line = error.problem_mark.line + 1 if error.problem_mark else None
-            raise YamlTextError(f"not valid YAML: {error.problem}", line) from error
+            mark = error.problem_mark
+            raise YamlTextError(f"not valid YAML: {error.problem}", mark.line + 1 if mark else None) from error
         except YAMLError as error:
             raise YamlTextError(f"not valid YAML: {error}") from error
         except RecursionError as error:
@@ -104,51 +104,58 @@ class _TreeConstructor(RoundTripConstructor):
 
 
 class _Expansion:
-    """Makes a tree of a graph of nodes, and counts."""
+    """Makes a tree of a graph of nodes, of which it knows beforehand how large it will be."""
 
     def __init__(self) -> None:
-        self._count = 0
+        self._sizes = dict[int, int]()
         self._seen = set[int]()
-        self._open = list[Node]()
 
-    def expand(self, node: Node) -> Node:
+    def expand(self, node: Node, depth: int = 1) -> Node:
         """A copy without anchors, aliases and merge keys; comments stay where something is first."""
-        self._count += 1
-        if self._count > NODES_MAX:
-            problem = f"has more than {NODES_MAX} keys and values, aliases counted as what they stand for"
-            raise YamlTextError(f"{problem}; accepted: at most so many", _line(node))
-        if any(node is around for around in self._open):
-            raise YamlTextError(f"*{node.anchor} is part of itself; accepted: an alias of another place", _line(node))
-        if len(self._open) >= DEPTH_MAX:
+        self._measure(node)
+        if depth > DEPTH_MAX:
             raise YamlTextError(f"is nested too deep; accepted: at most {DEPTH_MAX} levels", _line(node))
         if node.tag not in PLAIN:
-            raise YamlTextError(f"found the tag {node.tag.replace(TAG, '!!')}; accepted: values without", _line(node))
+            found = str(node.tag).replace(TAG, "!!")
+            raise YamlTextError(f"found the tag {found}; accepted: values without", _line(node))
         plain = copy.copy(node)
         plain.anchor = None
         if id(node) in self._seen:
             plain.comment = None
         self._seen.add(id(node))
-        self._open.append(node)
         if isinstance(node, MappingNode):
-            plain.value = self._expand_pairs(node)
+            plain.value = self._expand_pairs(node, depth)
         elif isinstance(node, SequenceNode):
-            plain.value = [self.expand(item) for item in node.value]
-        else:
+            plain.value = [self.expand(item, depth + 1) for item in node.value]
+        elif isinstance(node, ScalarNode):
             _check_scalar(node)
-        self._open.pop()
         return plain
 
-    def _expand_pairs(self, node: MappingNode) -> Pairs:
+    def _measure(self, node: Node) -> int:
+        """Nodes of what it stands for; each is looked at once, since an alias names what comes before it."""
+        size = self._sizes.get(id(node))
+        if size == 0:
+            raise YamlTextError(f"*{node.anchor} is part of itself; accepted: an alias of another place", _line(node))
+        if size is None:
+            self._sizes[id(node)] = 0  # Until it is known: a part that asks for it is around itself.
+            size = 1 + sum(self._measure(part) for part in _parts(node))
+            self._sizes[id(node)] = size
+        if size > NODES_MAX:
+            problem = f"has {size} keys and values, aliases counted as what they stand for"
+            raise YamlTextError(f"{problem}; accepted: at most {NODES_MAX}", _line(node))
+        return size
+
+    def _expand_pairs(self, node: MappingNode, depth: int) -> Pairs:
         own: Pairs = []
         merged: Pairs = []
         for key, value in node.value:
             if key.tag == MERGE:
-                merged.extend(self._merged(value))
+                merged.extend(self._merged(value, depth))
                 continue
             if not isinstance(key, ScalarNode) or key.tag != f"{TAG}str":
                 found = repr(key.value)[:SHOWN_LENGTH] if isinstance(key, ScalarNode) else "more than a word"
                 raise YamlTextError(f"found {found} as a key; accepted: a word, else in quotes", _line(key))
-            own.append((self.expand(key), self.expand(value)))
+            own.append((self.expand(key, depth + 1), self.expand(value, depth + 1)))
         taken = {key.value for key, _ in own}
         for key, value in merged:
             if key.value not in taken:
@@ -156,12 +163,12 @@ class _Expansion:
                 own.append((key, value))
         return own
 
-    def _merged(self, value: Node) -> Pairs:
+    def _merged(self, value: Node, depth: int) -> Pairs:
         """What ``<<`` brings in; of several mappings the earlier ones come first."""
         parts = value.value if isinstance(value, SequenceNode) else [value]
         if not all(isinstance(part, MappingNode) for part in parts):
             raise YamlTextError("found no mapping after <<; accepted: a mapping, or a list of them", _line(value))
-        return [pair for part in parts for pair in self.expand(part).value]
+        return [pair for part in parts for pair in self.expand(part, depth + 1).value]
 
 
 def _check_scalar(node: ScalarNode) -> None:
@@ -182,17 +189,22 @@ def _unreadable(tree: Node, error: Exception) -> YamlTextError:
             YAML().constructor.construct_document(node)
         except OTHER_ERRORS:
             found = node.value[:SHOWN_LENGTH]
-            return YamlTextError(f"not valid YAML: {found!r} is no {node.tag.removeprefix(TAG)}", _line(node))
+            return YamlTextError(f"not valid YAML: {found!r} is no {str(node.tag).removeprefix(TAG)}", _line(node))
     return YamlTextError(f"not valid YAML: {error}")
 
 
 def _scalars(node: Node) -> Iterator[ScalarNode]:
     if isinstance(node, ScalarNode):
         yield node
-        return
-    for item in node.value:
-        for part in item if isinstance(item, tuple) else (item,):
-            yield from _scalars(part)
+    for part in _parts(node):
+        yield from _scalars(part)
+
+
+def _parts(node: Node) -> list[Node]:
+    """Keys and values of a mapping, items of a sequence."""
+    if isinstance(node, MappingNode):
+        return [part for pair in node.value for part in pair]
+    return list(node.value) if isinstance(node, SequenceNode) else []
 
 
 def _line(node: Node) -> int:

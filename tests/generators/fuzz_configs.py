@@ -65,22 +65,121 @@ NUMBERS = [
     *("9" * 5000, "1e999999999", "0x" + "f" * 5000, "-0.0", "0o7", "1.", "2001-99-99", "0x_", "1:30", "0.01", "-0.5"),
 ]
 WORDS = [
-    *("true", "null", "~", "''", "'x'", "..", "../x", "/abs", "a/b", "a::b", "'a\\0b'", '"\\0"', '"\\ud800"', '"\\U00110000"'),
-    *("y" * 300, "z" * 70_000, "é" * 200, "\u202e", "💧", '"a\\nb"', "[]", "{}", "[[]]", "[1, 2]", "{a: 1}", "!!bool x"),
-    *("!!int x", "!!set {a}", "!tag x", "!!python/name:os.system", "*nowhere", "&here x", "*here", "!!binary x", "%", "@"),
+    *(
+        "true",
+        "null",
+        "~",
+        "''",
+        "'x'",
+        "..",
+        "../x",
+        "/abs",
+        "a/b",
+        "a::b",
+        "'a\\0b'",
+        '"\\0"',
+        '"\\ud800"',
+        '"\\U00110000"',
+    ),
+    *(
+        "y" * 300,
+        "z" * 70_000,
+        "é" * 200,
+        "\u202e",
+        "💧",
+        '"a\\nb"',
+        "[]",
+        "{}",
+        "[[]]",
+        "[1, 2]",
+        "{a: 1}",
+        "!!bool x",
+    ),
+    *(
+        "!!int x",
+        "!!set {a}",
+        "!tag x",
+        "!!python/name:os.system",
+        "*nowhere",
+        "&here x",
+        "*here",
+        "!!binary x",
+        "%",
+        "@",
+    ),
     *("H", "S_w", "-H", "sin(H)", "1/0", "H**999", "'H' * 9", "(" * 300 + "H", "-" * 900 + "H", "+".join(["H"] * 400)),
-    *("not " * 200 + "H", "lambda: 0", "__import__('os')", "H < 0", "H if H else H", "max()", "exp(1000)", "'a' < H", "[H]"),
+    *(
+        "not " * 200 + "H",
+        "lambda: 0",
+        "__import__('os')",
+        "H < 0",
+        "H if H else H",
+        "max()",
+        "exp(1000)",
+        "'a' < H",
+        "[H]",
+    ),
     *("/World/Sun", "/World/Sun.inputs:intensity", "/World/Sun.inputs:intensity[2]", "/World/Sun.xformOp:rotateXYZ[7]"),
-    *("/World{look}", "/World/Nothing.size", "/World/Looks/Cloud.inputs:fgf:hurst", "/World/Sun.inputs:color[0]", "/.x"),
-    *("auto:1%", "auto:0%", f"auto:0.{'0' * 400}1%", "reference", "cuda:9", "exact", "mixed", "two_lobe", "p95", "http://x"),
-    *("axes", "scene", "frame", "camera", "distance", "kappa", "L", "albedo", "target", "expression", "uniform", "values"),
+    *(
+        "/World{look}",
+        "/World/Nothing.size",
+        "/World/Looks/Cloud.inputs:fgf:hurst",
+        "/World/Sun.inputs:color[0]",
+        "/.x",
+    ),
+    *(
+        "auto:1%",
+        "auto:0%",
+        f"auto:0.{'0' * 400}1%",
+        "reference",
+        "cuda:9",
+        "exact",
+        "mixed",
+        "two_lobe",
+        "p95",
+        "http://x",
+    ),
+    *(
+        "axes",
+        "scene",
+        "frame",
+        "camera",
+        "distance",
+        "kappa",
+        "L",
+        "albedo",
+        "target",
+        "expression",
+        "uniform",
+        "values",
+    ),
 ]
 KEYS = [
     *("name", "scene", "medium", "camera", "frame", "seed", "image.width", "image.height", "spp", "quality", "preset"),
     *("quality.time", "quality.target_error", "quality.max_spp", "aovs", "png", "exposure", "targets.transmittance"),
-    *("targets.mean_free_path", "transport", "line_variance", "axes", "zip", "draws", "design", "constraints", "output"),
+    *(
+        "targets.mean_free_path",
+        "transport",
+        "line_variance",
+        "axes",
+        "zip",
+        "draws",
+        "design",
+        "constraints",
+        "output",
+    ),
     *("splits", "splits.train", "splits.by", "orbit", "orbit.center", "orbit.distance", "orbit.azimuth", "axes.H"),
-    *("axes.S_w", "axes.sigma_m", "axes.L", "axes.g", "axes.kappa", "axes.scene", "axes.camera", "axes.frame", "axes.sun"),
+    *(
+        "axes.S_w",
+        "axes.sigma_m",
+        "axes.L",
+        "axes.g",
+        "axes.kappa",
+        "axes.scene",
+        "axes.camera",
+        "axes.frame",
+        "axes.sun",
+    ),
     *("axes.albedo", "axes.H.uniform", "axes.S_w.logspace", "axes.g.linspace", "axes.sun.target", "axes.L.expression"),
     *("axes./World/Sun.inputs:intensity", "a.b.c", "." * 30, "x." * 400 + "y", "<<", "axes.H.values.3", "k" * 3000),
 ]
@@ -99,7 +198,11 @@ VALUE = re.compile(r"(?<=: )[^\n#{\[&*|>]+")
 def seeds() -> list[str]:
     """The configs that mistakes are put into, of few samples."""
     shipped = [path.read_text(encoding="utf-8") for path in sorted((ROOT / "configs").glob("*.yaml"))]
-    template = TEMPLATE.read_text(encoding="utf-8").replace(NAME, "template").replace(SCENE, "../usd_scenes/stages/cloud_block.usda")
+    template = (
+        TEMPLATE.read_text(encoding="utf-8")
+        .replace(NAME, "template")
+        .replace(SCENE, "../usd_scenes/stages/cloud_block.usda")
+    )
     small = [re.sub(r"draws: \d+", "draws: 8", text) for text in (*shipped, template)]
     return [RICH, *(text.replace("../usd_scenes/stages", str(STAGES)) for text in small)]
 
@@ -180,7 +283,7 @@ def change_tree(text: str, rng: random.Random) -> str:
     try:
         tree = YAML(typ="safe").load(text)
         places = [*_places(tree)]
-    except Exception:  # noqa: BLE001 - a mistake before this one has left no tree
+    except Exception:
         return text
     for _ in range(rng.randint(1, 3)):
         parent, key = rng.choice(places)

@@ -27,23 +27,28 @@ made = []
 
 
 def answer(folder: Path, overrides: list[str]) -> dict[str, str]:
+    """What became of a config, and whether it left files or took more memory than it may."""
     made.clear()
     path = folder / "config.yaml"
-    if path.read_bytes().startswith(b"stages:"):
-        return measured(path, overrides)
+    found = measured(path, overrides) if path.read_bytes().startswith(b"stages:") else planned(path, overrides)
+    left = [other.name for other in folder.iterdir() if other != path]
+    peak = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    if left:
+        return {"kind": "littered", "text": ", ".join(left)}
+    if peak > MEMORY_LIMIT:
+        return {"kind": "fat", "text": f"{peak / 1e9:.3g} GB"}
+    return written(folder) if made and found["kind"] == "planned" else found
+
+
+def planned(path: Path, overrides: list[str]) -> dict[str, str]:
+    """What `fgf plan` makes of it."""
     done = CliRunner().invoke(app, ["plan", str(path), *(part for text in overrides for part in ("--set", text))])
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         return {"kind": "raised", "text": "".join(traceback.format_exception(done.exception))}
-    left = [other.name for other in folder.iterdir() if other != path]
-    if left:
-        return {"kind": "littered", "text": ", ".join(left)}
-    peak = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    if peak > MEMORY_LIMIT:
-        return {"kind": "fat", "text": f"{peak / 1e9:.3g} GB"}
     lines = [line for line in done.stderr.splitlines() if line.strip()]
     errors = [line for line in lines if not line.startswith("warning: ")]
     if done.exit_code == 0 and not errors:
-        return written(folder)
+        return {"kind": "planned"}
     if done.exit_code != 2 or len(errors) != 1 or not errors[0].startswith("error: ") or len(errors[0]) > LINE_MAX:
         return {"kind": "untidy", "text": f"exit code {done.exit_code}: {done.output}"}
     return {"kind": "refused", "text": errors[0]}
@@ -58,7 +63,7 @@ def written(folder: Path) -> dict[str, str]:
         (below / "config.yaml").write_bytes(loaded.to_bytes(below))
         again = load_config(below / "config.yaml")
         plan.to_bytes()
-    except Exception as error:  # noqa: BLE001 - is told
+    except Exception as error:
         return {"kind": "raised", "text": "".join(traceback.format_exception(error))}
     kept = {name: value for name, value in again.config.model_dump().items() if name not in ("scene", "axes")}
     if any(value != kept[name] for name, value in loaded.config.model_dump().items() if name in kept):
@@ -73,7 +78,7 @@ def measured(path: Path, overrides: list[str]) -> dict[str, str]:
     except FgfError as error:
         kind = "refused" if "\n" not in str(error) and len(str(error)) <= LINE_MAX else "untidy"
         return {"kind": kind, "text": str(error)}
-    except Exception as error:  # noqa: BLE001 - is told
+    except Exception as error:
         return {"kind": "raised", "text": "".join(traceback.format_exception(error))}
     return {"kind": "planned"}
 
