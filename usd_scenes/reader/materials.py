@@ -11,7 +11,7 @@ from usd_scenes.reader import preview_surface
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.display import display_sources, display_surface
 from usd_scenes.reader.medium import ends_in_surface, has_medium, read_medium
-from usd_scenes.reader.preview_surface import read_preview_surface
+from usd_scenes.reader.preview_surface import displaces, read_preview_surface
 from usd_scenes.schema import SCHEMA_NAME
 
 RENDER_CONTEXT = "fgf"
@@ -86,7 +86,7 @@ class MaterialReader:
         bindings = UsdShade.MaterialBindingAPI(prim)
         material, binding = bindings.ComputeBoundMaterial(UsdShade.Tokens.full)
         if not material and binding:
-            self._context.note_missing("bound to something that is no Material", binding.GetPath())
+            self._context.mend("bound to something that is no Material", binding.GetPath())
         elif not material and bindings.ComputeBoundMaterial(UsdShade.Tokens.preview)[0]:
             self._context.notes.add("bound for previews only: the display color is used", prim.GetPath())
         return material or None
@@ -102,7 +102,8 @@ class MaterialReader:
     def _read(self, material: UsdShade.Material) -> _Reading:
         prim, context = material.GetPrim(), self._context
         shader = material.ComputeSurfaceSource(RENDER_CONTEXT)[0]
-        if material.ComputeDisplacementSource(RENDER_CONTEXT)[0]:
+        displacement = material.ComputeDisplacementSource(RENDER_CONTEXT)[0]
+        if displacement and displaces(displacement, context):
             context.notes.add("displacement is not rendered", prim.GetPath())
         if not has_medium(prim, context):
             if material.ComputeVolumeSource(RENDER_CONTEXT)[0]:

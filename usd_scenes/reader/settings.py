@@ -109,7 +109,7 @@ def _find_settings(context: StageContext, asked: str | None) -> Usd.Prim | None:
         return named.GetPrim()
     if stage.HasAuthoredMetadata("renderSettingsPrimPath"):
         path = stage.GetMetadata("renderSettingsPrimPath")
-        context.note_missing("the stage's renderSettingsPrimPath is the path of no RenderSettings", path)
+        context.mend("the stage's renderSettingsPrimPath is the path of no RenderSettings", path)
     if len(there_are) > 1:
         context.notes.add("several RenderSettings and none chosen: the first are used", there_are[0].GetPath())
     return there_are[0] if there_are else None
@@ -216,8 +216,15 @@ def _numbers(attribute: Usd.Attribute, time: Usd.TimeCode, count: int) -> np.nda
 
 def _note_what_is_not_read(settings: Usd.Prim, context: StageContext) -> None:
     purposes = settings.GetAttribute("materialBindingPurposes")
-    if tuple(purposes.Get(context.time) or ()) not in (FULL_BINDING, FULL_BINDING[:1]):
+    asked = tuple("" if purpose == "allPurpose" else purpose for purpose in purposes.Get(context.time) or ())
+    if asked not in (FULL_BINDING, FULL_BINDING[:1]) and (asked != ("",) or _has_full_binding(context.stage)):
         context.notes.add("materials are those bound for the purpose full, whatever it says", purposes.GetPath())
     space = settings.GetAttribute("renderingColorSpace")
     if space.Get(context.time) not in (None, "", *LINEAR_SPACES):
         context.notes.add("images are rendered in linear Rec.709, whatever it says", space.GetPath())
+
+
+def _has_full_binding(stage: Usd.Stage) -> bool:
+    """True where a material is bound for the purpose full alone."""
+    names = (name for prim in stage.TraverseAll() for name in prim.GetAuthoredPropertyNames())
+    return any(name.startswith("material:binding") and "full" in name.split(":") for name in names)
