@@ -16,7 +16,7 @@ from generators.planning.config import OrbitConfig
 from generators.planning.digest import KeptHashes, canonical, content_hash
 from generators.planning.document import load_config
 from generators.planning.plan import build_plan
-from generators.planning.sampling import sample_seed
+from generators.planning.sampling import sample_seed, sample_seeds
 from generators.planning.scenes import orbiting
 from generators.planning.seeds import seed_words
 from tests.scenes import furnace
@@ -197,7 +197,7 @@ def test_seeds_are_as_documented_and_all_differ():
     for dataset_seed in (0, 1, 2**64 - 1):
         expected = np.random.SeedSequence(dataset_seed, spawn_key=(3,)).generate_state(1, np.uint64)[0]
         assert sample_seed(dataset_seed, 3) == int(expected) >> 1
-    seeds = {sample_seed(dataset_seed, index) for dataset_seed in range(20) for index in range(500)}
+    seeds = {seed for dataset_seed in range(20) for seed in sample_seeds(dataset_seed, range(500))}
     assert len(seeds) == 20 * 500
 
 
