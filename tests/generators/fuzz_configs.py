@@ -303,7 +303,10 @@ def change_tree(text: str, rng: random.Random) -> str:
         except (KeyError, IndexError, TypeError):
             continue
     out = io.StringIO()
-    YAML(typ="safe").dump(tree, out)
+    try:
+        YAML(typ="safe").dump(tree, out)
+    except (ValueError, RecursionError):
+        return text  # Python writes no number so long, and no tree so deep.
     return out.getvalue()
 
 
