@@ -287,7 +287,7 @@ def change_tree(text: str, rng: random.Random) -> str:
         places = [*_places(tree)]
     except Exception:
         return text
-    for _ in range(rng.randint(1, 3)):
+    for _ in range(rng.randint(1, 3) if places else 0):
         parent, key = rng.choice(places)
         other, other_key = rng.choice(places)
         change = rng.randrange(5)
