@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +53,17 @@ def write_image(path: Path, pixels: np.ndarray, channels: Sequence[str], attribu
         # Closed in any case: only then are the last bytes out, and only then can that fail.
         closed = image.close()
         if not (written and closed) or problem:
-            raise OutputError(f"{path}: cannot be written: {problem or image.geterror()}")
+            reason = _full_disk(temporary, pixels.nbytes) or _in_a_line(problem or image.geterror())
+            raise OutputError(f"{path}: cannot be written: {reason}")
+
+
+def _full_disk(file: Path, size: int) -> str:
+    """The system's words for a full disk, which OpenImageIO's errors do not have, where there is no room for a file."""
+    with suppress(OSError):
+        written = file.stat().st_size if file.exists() else 0
+        if shutil.disk_usage(file.parent).free + written < size:
+            return os.strerror(errno.ENOSPC)
+    return ""
 
 
 def read_image(path: Path) -> tuple[np.ndarray, tuple[str, ...], dict[str, Any]]:
