@@ -45,10 +45,13 @@ def _walk_from(
         purpose = imageable.ComputePurposeInfo(purpose) if purpose else imageable.ComputePurposeInfo()
     yield Met(prim, copies, purpose is None or purpose.purpose in context.purposes)
     if prim.IsA(UsdGeom.PointInstancer):
-        if copies and prim in copies.instancers:
+        if copies and any(prim == level.instancer for level in copies.levels):
             context.notes.add("instancer that is part of its own prototype is left out there", prim.GetPath())
             return
-        for inner in read_copies(prim, context, copies):
+        inners: list[Copies] = []
+        with context.going_on():
+            inners = read_copies(prim, context, copies)
+        for inner in inners:
             yield from _walk_from(inner.root, context, inner, purpose)
         return  # What else is below an instancer is not drawn by itself.
     predicate = PROTOTYPE_PRIMS if copies else Usd.PrimDefaultPredicate

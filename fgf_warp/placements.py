@@ -1,0 +1,60 @@
+"""Where instances stand: arrays of the upper rows of matrices, gone through in blocks so that none is copied whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+FLOAT32_MAX = float(np.finfo(np.float32).max)
+"""What is larger is not finite on the device."""
+BLOCK = 1 << 14
+"""Matrices at once: few enough to stay in the processor's cache, and enough for NumPy's own cost not to matter."""
+
+
+def blocks(count: int) -> Iterator[slice]:
+    """Successive parts of so many places."""
+    return (slice(first, min(first + BLOCK, count)) for first in range(0, count, BLOCK))
+
+
+def squared(places: np.ndarray) -> np.ndarray:
+    """(n, 4, 4), of the upper rows of each, (n, 3, 4)."""
+    whole = np.zeros((len(places), 4, 4))
+    whole[:, :3], whole[:, 3, 3] = places, 1
+    return whole
+
+
+def compose(places: np.ndarray, inner: np.ndarray) -> np.ndarray:
+    """Places, (n, 3, 4) float64, with a (4, 4) transform before each."""
+    return (places.reshape(-1, 4) @ inner).reshape(-1, 3, 4)
+
+
+def are_usable(places: np.ndarray) -> np.ndarray:
+    """(n,) bool: finite and invertible, the inverse too, as float32."""
+    found = np.empty(len(places), dtype=bool)
+    for at in blocks(len(places)):
+        with np.errstate(all="ignore"):
+            a, b, c = np.ascontiguousarray(places[at, :, :3].transpose(2, 1, 0))
+            cofactors = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)])
+            volume = np.einsum("in,in->n", a, cofactors[0])
+            position = places[at, :, 3].T
+            largest = np.maximum(
+                np.abs(cofactors).max(axis=(0, 1)), np.abs(np.einsum("kin,in->kn", cofactors, position)).max(axis=0)
+            )
+            is_finite = (np.abs(places[at]) <= FLOAT32_MAX).all(axis=(1, 2))
+            found[at] = is_finite & (volume != 0) & (largest <= FLOAT32_MAX * np.abs(volume))
+    return found
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(3, n), of columns; `np.cross` takes four times as long."""
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def bound_places(places: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest corner, (n, 3) each, of the boxes around (k, 3) points in each place, (n, 3, 4)."""
+    low, high = np.empty((len(places), 3)), np.empty((len(places), 3))
+    for at in blocks(len(places)):
+        points = corners @ places[at, :, :3].transpose(0, 2, 1) + places[at, None, :, 3]
+        low[at], high[at] = points.min(axis=1), points.max(axis=1)
+    return low, high
