@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from fgf_warp.errors import OpenMeshError, SceneError
-from fgf_warp.placements import FLOAT32_MAX, are_usable, bound_places, squared
+from fgf_warp.placements import FLOAT32_MAX, are_usable, blocks, bound_places, squared
 from fgf_warp.theory.choices import LINE_VARIANCES, TRANSPORTS, LineVariance, Transport
 from fgf_warp.theory.law import LineLaw, build_line_law
 from fgf_warp.theory.mixture import MIXTURE_ERROR, mix_exact_rates
@@ -732,6 +732,17 @@ class Instances:
         """How many there are."""
         return len(self.object_to_world)
 
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner, (3,) each, of a box that holds all of them wherever they move."""
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        box = shape_bounds(self.prototype)
+        for matrices in (self.object_to_world, *(() if self.closing is None else (self.closing,))):
+            for at in blocks(self.count):
+                lows, highs = bound_places(matrices[at], *box)
+                low, high = np.minimum(low, lows.min(axis=0)), np.maximum(high, highs.max(axis=0))
+        return low, high
+
     @property
     def surface(self) -> Surface | None:
         """Of the prototype."""
@@ -1182,24 +1193,11 @@ def shape_widths(shape: Shape) -> tuple[float, float]:
 
 def shape_bounds(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest corner, (3,) each, of a box that holds the shape; not tight for a turned round solid."""
-    if isinstance(shape, Mesh):
+    if not isinstance(shape, Solid):
         return shape.bounds
     matrices = [shape.object_to_world] + ([] if shape.closing is None else [shape.closing])
-    if isinstance(shape, Instances):
-        boxes = [bound_places(places, _corners_of(shape.prototype)) for places in matrices]
-        return np.min([low.min(axis=0) for low, _ in boxes], axis=0), np.max(
-            [high.max(axis=0) for _, high in boxes], axis=0
-        )
     points = np.concatenate([CUBE_CORNERS @ matrix[:3, :3].T + matrix[:3, 3] for matrix in matrices])
     return points.min(axis=0), points.max(axis=0)
-
-
-def _corners_of(prototype: Mesh | Solid) -> np.ndarray:
-    """(8, 3), of a box that holds it, in the space of its instances."""
-    if isinstance(prototype, Mesh):
-        low, high = prototype.bounds
-        return (low + high) / 2 + CUBE_CORNERS * (high - low) / 2
-    return CUBE_CORNERS @ prototype.object_to_world[:3, :3].T + prototype.object_to_world[:3, 3]
 
 
 def encloses(shape: Shape, point: np.ndarray) -> bool:
@@ -1207,7 +1205,7 @@ def encloses(shape: Shape, point: np.ndarray) -> bool:
     if isinstance(shape, Mesh):
         return winding_number(shape.points, shape.triangles, point) > 0.5
     if isinstance(shape, Instances):
-        low, high = bound_places(shape.object_to_world, _corners_of(shape.prototype))
+        low, high = bound_places(shape.object_to_world, *shape_bounds(shape.prototype))
         near = np.flatnonzero(((low <= point) & (point <= high)).all(axis=1))
         local = np.linalg.solve(squared(shape.object_to_world[near]), np.append(point, 1.0)[:, None])[:, :3, 0]
         return any(encloses(shape.prototype, one) for one in local)
