@@ -109,9 +109,9 @@ def join_trees(trees: Sequence[WideTree], top: BoxTree | None) -> tuple[WideTree
     boxes = [tree.boxes for tree in trees]
     if top is not None:
         roots.append(nodes)
-        number_of = np.append(-1 - top.order[top.leaves[:, 0]], 0)
+        number_of = np.append(-1 - top.order[top.leaves[:, 0]], 0).astype(np.int32)
         boxes.append(top.boxes.reshape(-1, LEAF))
-        inner = np.where(top.children > 0, top.children + nodes, 0)
+        inner = np.where(top.children > 0, top.children + np.int32(nodes), np.int32(0))
         children.append(np.where(top.children < 0, number_of[-1 - top.children], inner).reshape(-1, LEAF))
     joined = WideTree(
         boxes=np.concatenate(boxes),

@@ -124,9 +124,10 @@ def _read_copies(prim: Usd.Prim, context: StageContext, around: Copies | None) -
         root = context.stage.GetPrimAtPath(target)
         kept = _finite(own, local, instancer, context)
         if root and len(kept):
-            opening = _products(bases[0], local[0], kept)
+            first, last = context.local_to_ancestor(root, root.GetParent())
+            opening = _moved(_products(bases[0], local[0], kept), first)
             moves = len(local) > 1 or bases[1] is not bases[0]
-            closing = _products(bases[1], local[-1], kept) if moves else opening
+            closing = _moved(_products(bases[1], local[-1], kept), last) if moves else opening
             found.append(Copies(root, prim, index, around, kept, len(chosen), (opening, closing)))
     return found
 
@@ -202,7 +203,7 @@ def _shown(instancer: UsdGeom.PointInstancer, chosen: np.ndarray, n_roots: int, 
 def _transforms(
     instancer: UsdGeom.PointInstancer, roots: Sequence[Sdf.Path], count: int, context: StageContext
 ) -> list[np.ndarray]:
-    """(n, 4, 4) float64 that act on row vectors, from the prototypes' roots to the instancer: USD's own arrays.
+    """(n, 4, 4) float64 that act on row vectors, from above the prototypes' roots to the instancer: USD's own arrays.
 
     One when the shutter opens, and one when it closes where something may move until then.
     """
@@ -211,7 +212,8 @@ def _transforms(
     found = instancer.ComputeInstanceTransformsAtTimes(
         [opening] if rests else [opening, closing],
         context.time,
-        UsdGeom.PointInstancer.IncludeProtoXform,
+        # With them, USD makes none at all where one index is out of range.
+        UsdGeom.PointInstancer.ExcludeProtoXform,
         UsdGeom.PointInstancer.IgnoreMask,
     )
     local = [np.asarray(matrices) for matrices in found]
