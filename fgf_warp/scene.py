@@ -534,18 +534,18 @@ class Surface:
                 _check_range("surface", key, number, "in [0, 1]", lambda x: 0 <= x <= 1)
         _check_range("surface", "ior", self.ior, "> 0", lambda x: x > 0)
 
-    @property
+    @cached_property
     def inputs(self) -> tuple[TextureInput | PrimvarInput, ...]:
         """Those that vary over the shape."""
         values = (getattr(self, key) for key in self.__dataclass_fields__)
         return tuple(value for value in values if isinstance(value, TextureInput | PrimvarInput))
 
-    @property
+    @cached_property
     def primvars(self) -> frozenset[str]:
         """Names of what it reads from the shape."""
         return frozenset(value.primvar for value in self.inputs if value.primvar)
 
-    @property
+    @cached_property
     def coordinates(self) -> frozenset[str]:
         """Those of them that textures are read at, which are of two numbers or more."""
         return frozenset(value.primvar for value in self.inputs if isinstance(value, TextureInput) and value.primvar)
