@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import prod
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
-from fgf_warp.errors import SceneError
+from fgf_warp.errors import SceneError, UnsupportedFeatureError
 from fgf_warp.placements import squared
-from fgf_warp.scene import Mesh, Shape, Solid
+from fgf_warp.scene import MAX_CONTAINERS, Mesh, Shape, Solid
 from fgf_warp.upload_instances import number_motions
 from usd_scenes.reader import read_scene, read_stage
+from usd_scenes.reader import shapes as shapes_reader
 from usd_scenes.reader.bounds import scene_bounds
+from usd_scenes.reader.instancing import MAX_INSTANCES
+from usd_scenes.reader.stage import survey_stage
 
 OPENUSD = "PixarAnimationStudios__OpenUSD/pxr/usdImaging/usdImagingGL/testenv"
 THIRD_PARTY = Path(__file__).resolve().parents[3] / "shared" / "usd_assets"
@@ -310,6 +315,21 @@ def _moved(x: float, y: float, z: float) -> np.ndarray:
             "scales has 1 entries; accepted: 2, as there are in protoIndices; the instancer is left out: /P",
         ),
         (
+            "int[] protoIndices.timeSamples = {nan: [0, 0], 1: [0, 0]}",
+            [],
+            "protoIndices has a sample at a time code that is not a number; the instancer is left out: /P",
+        ),
+        (
+            "int64[] protoIndices = [0, 0]",
+            [],
+            "protoIndices is of type int64[]; accepted: int[]; the instancer is left out: /P",
+        ),
+        (
+            "int[] protoIndices = [0, 0]\nvector3f[] velocities = [(1, 0, 0)]",
+            [0, 1],
+            "1 entries, where there are 2 in protoIndices; nothing moves by it: /P.velocities",
+        ),
+        (
             "int[] protoIndices = [0, 7]",
             [0],
             "1 of 2 indices lie out of [0, 0], as 7 does, where there are 1 prototypes; those instances are left out: "
@@ -344,6 +364,57 @@ def test_what_is_missing_and_what_is_flat_is_named(read) -> None:
     assert [shape.instance for shape in placed(reading.scene.shapes)] == [0]
     assert "the prototype /Nowhere is not there; its instances are left out: /P" in reading.warnings
     assert "the transform leaves no volume, and the prim is left out: /P/M" in reading.warnings
+
+
+def nested(stage: Usd.Stage, counts: list[int]) -> None:
+    """Instancers in the prototypes of instancers, so many of each in the one around it."""
+    path = ""
+    for count in counts:
+        path += "/P"
+        prim = UsdGeom.PointInstancer.Define(stage, path)
+        prim.CreatePrototypesRel().SetTargets([f"{path}/P"])
+        prim.CreateProtoIndicesAttr(Vt.IntArray(count, 0))
+        prim.CreatePositionsAttr(Vt.Vec3fArray(count, Gf.Vec3f(0)))
+    mesh(stage, f"{path}/P")
+
+
+@pytest.mark.parametrize("counts", [[1000, 1000, 1000], [MAX_INSTANCES + 1], [MAX_INSTANCES // 2 + 1, 2]])
+def test_too_many_instances_are_refused_before_they_are_made(counts: list[int]) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    nested(stage, counts)
+    shown = " x ".join(f"{count:,}" for count in counts)
+    shown += f" = {prod(counts):,}" if len(counts) > 1 else ""
+    message = f"{'/P' * len(counts)}: {shown} instances; accepted: at most 4,000,000 in a stage"
+    with pytest.raises(UnsupportedFeatureError, match=re.escape(message)):
+        read_stage(stage)
+    assert [str(refusal) for refusal in survey_stage(stage).refusals] == [message]
+
+
+def test_too_many_instances_of_several_prims_are_refused(monkeypatch) -> None:
+    monkeypatch.setattr(shapes_reader, "MAX_INSTANCES", 50)
+    stage = Usd.Stage.CreateInMemory()
+    instancer(stage, "/P", ["/P/A", "/P/B"], 40, 1)
+    for name in ("A", "B"):
+        mesh(stage, f"/P/{name}/M")
+        UsdGeom.Sphere.Define(stage, f"/P/{name}/S")
+    with pytest.raises(UnsupportedFeatureError, match=r"instances the stage has \d+ shapes; accepted: at most 50"):
+        read_stage(stage)
+
+
+def test_more_instances_of_a_medium_than_there_are_bits_are_refused_by_name(read) -> None:
+    medium = 'def Material "Look" (apiSchemas = ["FgfMediumAPI"])\n{\nfloat inputs:fgf:meanExtinction = 1\n}\n'
+    ball = 'def Sphere "M" (apiSchemas = ["MaterialBindingAPI"])\n{\nrel material:binding = </Look>\n}'
+    for count in (MAX_CONTAINERS, MAX_CONTAINERS + 1):
+        positions = ", ".join(f"({3 * k}, 0, 0)" for k in range(count))
+        body = f"point3f[] positions = [{positions}]\nint[] protoIndices = {[0] * count}\nrel prototypes = </P/M>"
+        prims = f'{medium}def PointInstancer "P"\n{{\n{body}\n{ball}\n}}'
+        if count == MAX_CONTAINERS:
+            assert all(isinstance(shape, Solid) for shape in read(prims).scene.shapes)
+        else:
+            with pytest.raises(
+                UnsupportedFeatureError, match="/P/M: a medium fills 33 instances, each of them a shape"
+            ):
+                read(prims)
 
 
 def test_lights_of_instancers_are_named(read) -> None:

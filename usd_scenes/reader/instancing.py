@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import prod
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom, Vt
 
 from fgf_warp.errors import SceneError, UnsupportedFeatureError
 from fgf_warp.placements import blocks, compose, squared
@@ -101,6 +101,7 @@ def read_copies(prim: Usd.Prim, context: StageContext, around: Copies | None) ->
 
 def _read_copies(prim: Usd.Prim, context: StageContext, around: Copies | None) -> list[Copies]:
     instancer, path = UsdGeom.PointInstancer(prim), prim.GetPath()
+    _check_types(instancer, context)
     roots = instancer.GetPrototypesRel().GetForwardedTargets()
     chosen = read_array(instancer.GetProtoIndicesAttr(), context.time, np.int32)
     given = {"prototypes": roots, "protoIndices": chosen, "positions": instancer.GetPositionsAttr().Get(context.time)}
@@ -159,10 +160,27 @@ def _products(bases: np.ndarray, local: np.ndarray, own: np.ndarray) -> np.ndarr
 
 
 def _check_bound(path: Sdf.Path, counts: Sequence[int]) -> None:
-    if prod(counts) > MAX_INSTANCES:
+    product = math.prod(counts)
+    if product > MAX_INSTANCES:
         factors = " x ".join(f"{count:,}" for count in counts)
-        product = f"{factors} = {prod(counts):,}" if len(counts) > 1 else factors
-        raise UnsupportedFeatureError(f"{path}: {product} instances; accepted: at most {MAX_INSTANCES:,} in a stage")
+        shown = f"{factors} = {product:,}" if len(counts) > 1 else factors
+        raise UnsupportedFeatureError(f"{path}: {shown} instances; accepted: at most {MAX_INSTANCES:,} in a stage")
+
+
+def _check_types(instancer: UsdGeom.PointInstancer, context: StageContext) -> None:
+    """Refuses what USD itself would take for missing, or cannot look up."""
+    for attribute, accepted, expected in (
+        (instancer.GetProtoIndicesAttr(), "int[]", Vt.IntArray),
+        (instancer.GetPositionsAttr(), "point3f[]", Vt.Vec3fArray),
+        (instancer.GetOrientationsAttr(), "quath[]", Vt.QuathArray),
+        (instancer.GetOrientationsfAttr(), "quatf[]", Vt.QuatfArray),
+        (instancer.GetScalesAttr(), "float3[]", Vt.Vec3fArray),
+    ):
+        specs, value = attribute.GetPropertyStack(), attribute.Get(context.time)
+        if value is not None and not isinstance(value, expected):
+            raise SceneError(f"{attribute.GetPath()} is of type {specs[0].typeName}; accepted: {accepted}")
+        if any(math.isnan(time) for spec in specs for time in spec.layer.ListTimeSamplesForPath(spec.path)):
+            raise SceneError(f"{attribute.GetPath()} has a sample at a time code that is not a number")
 
 
 def _check_counts(instancer: UsdGeom.PointInstancer, expected: int, context: StageContext) -> None:
@@ -172,12 +190,24 @@ def _check_counts(instancer: UsdGeom.PointInstancer, expected: int, context: Sta
         instancer.GetOrientationsfAttr(),
         instancer.GetScalesAttr(),
     ):
-        values = attribute.Get(context.time)
-        found = 0 if values is None else len(values)
+        found = _length(attribute, context)
         if found not in (0, expected):
             raise SceneError(
                 f"{attribute.GetPath()} has {found} entries; accepted: {expected}, as there are in protoIndices"
             )
+    for attribute in _rates(instancer):
+        if (found := _length(attribute, context)) not in (0, expected):
+            text = f"{found} entries, where there are {expected} in protoIndices; nothing moves by it"
+            context.mend(text, attribute.GetPath())
+
+
+def _length(attribute: Usd.Attribute, context: StageContext) -> int:
+    values = attribute.Get(context.time)
+    return len(values) if hasattr(values, "__len__") else 0
+
+
+def _rates(instancer: UsdGeom.PointInstancer) -> tuple[Usd.Attribute, ...]:
+    return instancer.GetVelocitiesAttr(), instancer.GetAccelerationsAttr(), instancer.GetAngularVelocitiesAttr()
 
 
 def _shown(instancer: UsdGeom.PointInstancer, chosen: np.ndarray, n_roots: int, context: StageContext) -> np.ndarray:
@@ -231,11 +261,10 @@ def _may_move(instancer: UsdGeom.PointInstancer, roots: Sequence[Sdf.Path], cont
         instancer.GetOrientationsfAttr(),
         instancer.GetScalesAttr(),
     )
-    rates = (instancer.GetVelocitiesAttr(), instancer.GetAccelerationsAttr(), instancer.GetAngularVelocitiesAttr())
     prims = (UsdGeom.Xformable(context.stage.GetPrimAtPath(root)) for root in roots)
     return (
         any(attribute.ValueMightBeTimeVarying() for attribute in attributes)
-        or any(attribute.HasAuthoredValue() for attribute in rates)
+        or any(attribute.HasAuthoredValue() for attribute in _rates(instancer))
         or any(prim and prim.TransformMightBeTimeVarying() for prim in prims)
     )
 
