@@ -11,6 +11,7 @@ import pytest
 from fgf_warp.bvh import LEAF, build_box_tree
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import MANY_SOLIDS, Instances, Mesh, Solid, Surface, encloses, shape_bounds
+from tests.benchmarks.instances import MOST_MEGABYTES, costs, measure, write_stage
 from tests.contracts.device_kernels import RICH, hit_meshes
 from tests.contracts.test_bvh import directions, knot
 from tests.scenes import instance_of, transform
@@ -282,3 +283,12 @@ def test_a_hundred_thousand_instances_cost_little():
         return float(subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()[-1])
 
     assert peak(100_000) - peak(1) < 70
+
+
+@pytest.mark.slow
+def test_a_million_instances_are_read_placed_and_rendered_in_seven_hundred_megabytes(tmp_path):
+    """Of a mesh of 1000 triangles, from a stage; the first process builds the kernel."""
+    path = tmp_path / "many.usdc"
+    write_stage(path, 1_000_000)
+    measure(path)
+    assert costs(measure(path))[1] < MOST_MEGABYTES
