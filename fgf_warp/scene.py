@@ -1200,15 +1200,20 @@ def shape_bounds(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     return points.min(axis=0), points.max(axis=0)
 
 
+def points_in(instances: Instances, point: np.ndarray) -> np.ndarray:
+    """(m, 3), a point of the world in the space of each instance whose box holds it when the shutter opens."""
+    low, high = bound_places(instances.object_to_world, *shape_bounds(instances.prototype))
+    near = np.flatnonzero(((low <= point) & (point <= high)).all(axis=1))
+    local: np.ndarray = np.linalg.solve(squared(instances.object_to_world[near]), np.append(point, 1.0)[:, None])
+    return local[:, :3, 0]
+
+
 def encloses(shape: Shape, point: np.ndarray) -> bool:
     """True where the point, (3,) float64 in world space, lies in the closed shape when the shutter opens."""
     if isinstance(shape, Mesh):
         return winding_number(shape.points, shape.triangles, point) > 0.5
     if isinstance(shape, Instances):
-        low, high = bound_places(shape.object_to_world, *shape_bounds(shape.prototype))
-        near = np.flatnonzero(((low <= point) & (point <= high)).all(axis=1))
-        local = np.linalg.solve(squared(shape.object_to_world[near]), np.append(point, 1.0)[:, None])[:, :3, 0]
-        return any(encloses(shape.prototype, one) for one in local)
+        return any(encloses(shape.prototype, local) for local in points_in(shape, point))
     x, y, z = np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3]
     if shape.kind == "sphere":
         return bool(x * x + y * y + z * z < 1)

@@ -7,7 +7,9 @@ by the command that needs it.
 
 from __future__ import annotations
 
+import os
 import sys
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -35,24 +37,45 @@ from generators.commands.export import export
 from generators.commands.generate import generate
 from generators.commands.render import render
 from generators.commands.tradeoff import tradeoff
+from generators.interrupts import listening
+from generators.wording import shortened
 
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option; it has no public name."""
 
 
 class _Group(TyperGroup):
-    """The one place where errors become a line on stderr and an exit code."""
+    """The one place where errors, and being stopped, become a line on stderr and an exit code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            fail("stopped before the end; what is written is whole", EXIT_PARTIAL)
 
     def main(self, *args: Any, **extra: Any) -> Any:
         extra["standalone_mode"] = False  # typer then raises its errors instead of printing them
+        for stream in (sys.stdout, sys.stderr):
+            # Names of files may hold what no encoding knows.
+            if isinstance(stream, TextIOWrapper):
+                stream.reconfigure(errors="backslashreplace")
         try:
-            code = super().main(*args, **extra)
+            with listening():
+                code = super().main(*args, **extra)
         except UsageError as error:
             fail(error.format_message(), EXIT_BAD_INPUT)  # type: ignore[attr-defined]
         except (CorruptFileError, NumericalError) as error:
             fail(str(error), EXIT_CORRUPT)
         except FgfError as error:
             fail(str(error), EXIT_BAD_INPUT)
+        except BrokenPipeError:
+            # Who reads the output, such as head, has seen enough.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            sys.exit(EXIT_PARTIAL)
+        except OSError as error:
+            fail(f"{error.filename or 'file system'}: {error.strerror or error}", EXIT_BAD_INPUT)
+        except MemoryError:
+            fail("this needs more memory than there is", EXIT_BAD_INPUT)
         sys.exit(code or 0)
 
 
@@ -239,6 +262,8 @@ app.command()(tradeoff)
 
 def main() -> None:
     """Entry point of the console script."""
+    # What a library meets when it clears away after an error is nothing that a user could act on.
+    sys.unraisablehook = lambda _: None
     app()
 
 
@@ -248,4 +273,4 @@ def _parse_lengths(text: str | None) -> list[float] | None:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError as error:
-        raise ConfigError(f"--t {text}: accepted: numbers with commas between them") from error
+        raise ConfigError(f"--t {shortened(text)}: accepted: numbers with commas between them") from error

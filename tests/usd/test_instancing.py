@@ -307,22 +307,22 @@ def _moved(x: float, y: float, z: float) -> np.ndarray:
         (
             "int[] protoIndices = [0, 0, 0]",
             [],
-            "positions has 2 entries; accepted: 3, as there are in protoIndices; the instancer is left out: /P",
+            "has 2 entries; accepted: 3, as there are in protoIndices; the instancer is left out: /P.positions",
         ),
         (
             "int[] protoIndices = [0, 0]\nfloat3[] scales = [(1, 1, 1)]",
             [],
-            "scales has 1 entries; accepted: 2, as there are in protoIndices; the instancer is left out: /P",
+            "has 1 entries; accepted: 2, as there are in protoIndices; the instancer is left out: /P.scales",
         ),
         (
             "int[] protoIndices.timeSamples = {nan: [0, 0], 1: [0, 0]}",
             [],
-            "protoIndices has a sample at a time code that is not a number; the instancer is left out: /P",
+            "has a sample at a time code that is not a number; the instancer is left out: /P.protoIndices",
         ),
         (
             "int64[] protoIndices = [0, 0]",
             [],
-            "protoIndices is of type int64[]; accepted: int[]; the instancer is left out: /P",
+            "is of type int64[]; accepted: int[]; the instancer is left out: /P.protoIndices",
         ),
         (
             "int[] protoIndices = [0, 0]\nvector3f[] velocities = [(1, 0, 0)]",

@@ -237,11 +237,14 @@ def _transforms(
 
     One when the shutter opens, and one when it closes where something may move until then.
     """
-    opening, closing = context.shutter_times
+    (opening, closing), base = context.shutter_times, context.time
+    if base.IsEarliestTime() and (samples := instancer.GetPositionsAttr().GetTimeSamples()):
+        # USD takes this time for minus infinity where it computes how far velocities reach.
+        opening = closing = base = Usd.TimeCode(samples[0])
     rests = opening == closing or not _may_move(instancer, roots, context)
     found = instancer.ComputeInstanceTransformsAtTimes(
         [opening] if rests else [opening, closing],
-        context.time,
+        base,
         # With them, USD makes none at all where one index is out of range.
         UsdGeom.PointInstancer.ExcludeProtoXform,
         UsdGeom.PointInstancer.IgnoreMask,

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
+from operator import is_not
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
@@ -132,7 +134,9 @@ class ShapeReader:
         meshes: dict[int, Mesh] = {}
         shapes: list[tuple[Sdf.Path, Shape]] = []
         for path, found in self._found:
-            with self._context.going_on():
+            look, name = (found.part.look, found.places.name) if isinstance(found, _Use) else (found, found.name)
+            holds = partial(is_not, look.medium, None)
+            with self._context.going_on(), self._context.leaving_out(name, "the shape is left out", holds):
                 if not isinstance(found, _Use):
                     shapes.append((path, found))
                 elif counts[id(found.form)] <= 1 and not found.places.moves:
