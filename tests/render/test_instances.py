@@ -42,7 +42,9 @@ def example():
     ball = Solid("/ball", "sphere", transform(0.5, (-1.2, 0, 0)), medium=0, closing=transform(0.5, (-1, 0.5, 0)))
     cloud = instance_of("/cloud", replace(CUBE, medium=0), tilt @ transform(0.5))
     brick = instance_of("/brick", replace(CUBE, surface=Surface((0.8, 0.2, 0.2))), transform(0.4, (1.2, 0, 0)))
-    return moving_scene(floor, ball, cloud, replace(brick, closing=transform(0.3, (1.0, 0.8, 0))[None, :3]), albedo=(0.8,) * 3)
+    return moving_scene(
+        floor, ball, cloud, replace(brick, closing=transform(0.3, (1.0, 0.8, 0))[None, :3]), albedo=(0.8,) * 3
+    )
 
 
 def test_a_scene_pays_for_motion_and_instances_where_there_are_any():
