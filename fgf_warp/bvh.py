@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from fgf_warp.bvh_kernel import WIDTH, open_nodes, split_ranges
+from fgf_warp.bvh_kernel import WIDTH, choose_cuts, open_nodes, split_ranges
 from fgf_warp.headers import load_on_cpu
 
 LEAF = 8
@@ -110,9 +110,9 @@ def join_trees(trees: Sequence[WideTree], top: BoxTree | None) -> tuple[WideTree
     boxes = [tree.boxes for tree in trees]
     if top is not None:
         roots.append(nodes)
-        number_of = np.append(-1 - top.order[top.leaves[:, 0]], 0)
+        number_of = np.append(-1 - top.order[top.leaves[:, 0]], 0).astype(np.int32)
         boxes.append(top.boxes.reshape(-1, LEAF))
-        inner = np.where(top.children > 0, top.children + nodes, 0)
+        inner = np.where(top.children > 0, top.children + np.int32(nodes), np.int32(0))
         children.append(np.where(top.children < 0, number_of[-1 - top.children], inner).reshape(-1, LEAF))
     joined = WideTree(
         boxes=np.concatenate(boxes),
@@ -137,30 +137,27 @@ def build_box_tree(low: np.ndarray, high: np.ndarray, leaf: int) -> BoxTree:
     """The tree over boxes.
 
     Args:
-        low: (n, 3) float32, n > 0, their lowest corners.
-        high: (n, 3) float32, their highest.
+        low: (n, 3) float32, n > 0, their lowest corners, which are reordered.
+        high: (n, 3) float32, their highest, which are reordered too.
         leaf: how many of them a leaf holds, at most.
 
     Returns:
         A tree of at most `MAX_LEVELS` levels.
     """
-    count = len(low)
-    lo = wp.array(low, dtype=wp.vec3, device="cpu")
-    hi = wp.array(high, dtype=wp.vec3, device="cpu")
-    order = wp.array(np.arange(count, dtype=np.int32), dtype=int, device="cpu")
-    ranges, areas = _split(lo, hi, leaf, order)
-    boxes = wp.empty(shape=(count, 6, WIDTH), dtype=float, device="cpu")
-    children = wp.zeros(shape=(count, WIDTH), dtype=int, device="cpu")
-    leaves = wp.empty(shape=(count, 2), dtype=int, device="cpu")
+    lo, hi = (wp.array(corners, dtype=wp.vec3, device="cpu", copy=False) for corners in (low, high))
+    order = wp.array(np.arange(len(low), dtype=np.int32), dtype=int, device="cpu", copy=False)
+    ranges, cuts = _split(lo, hi, leaf, order)
+    # What is not written takes no memory.
+    boxes = wp.empty(shape=(len(low), 6, WIDTH), dtype=float, device="cpu")
+    children = wp.empty(shape=(len(low), WIDTH), dtype=int, device="cpu")
+    leaves = wp.empty(shape=(len(low), 2), dtype=int, device="cpu")
     sizes = wp.zeros(2, dtype=int, device="cpu")
-    costs = wp.empty(shape=(len(areas), WIDTH + 1), dtype=float, device="cpu")
-    cuts = wp.empty(shape=(len(areas), WIDTH + 1), dtype=int, device="cpu")
-    waiting = wp.empty(shape=(count, 4), dtype=int, device="cpu")
+    waiting = wp.empty(shape=(len(low), 4), dtype=int, device="cpu")
     wp.launch(
         open_nodes,
         dim=1,
-        inputs=[lo, hi, leaf, order, ranges, areas],
-        outputs=[costs, cuts, waiting, boxes, children, leaves, sizes],
+        inputs=[lo, hi, leaf, ranges, cuts],
+        outputs=[waiting, boxes, children, leaves, sizes],
         device="cpu",
     )
     node_count, leaf_count = (int(size) for size in sizes.numpy())
@@ -170,13 +167,18 @@ def build_box_tree(low: np.ndarray, high: np.ndarray, leaf: int) -> BoxTree:
 
 
 def _split(lo: wp.array, hi: wp.array, leaf: int, order: wp.array) -> tuple[wp.array, wp.array]:
-    """Reorders boxes into ranges, (n, 3) int, and returns these and their areas."""
-    ranges = wp.empty(shape=(2 * len(order), 3), dtype=int, device="cpu")
-    areas = wp.empty(shape=2 * len(order), dtype=float, device="cpu")
+    """Reorders boxes into ranges, (n, 4) int, and returns these and how they are cut, (n, 17) uint8."""
+    count = len(order)
+    ranges = wp.empty(shape=(count, 4), dtype=int, device="cpu")
+    areas = wp.empty(shape=count, dtype=float, device="cpu")
     size = wp.zeros(1, dtype=int, device="cpu")
-    wp.launch(split_ranges, dim=1, inputs=[lo, hi, leaf], outputs=[order, ranges, areas, size], device="cpu")
-    made = int(size.numpy()[0])
-    return ranges[:made], areas[:made]
+    waiting = wp.empty(shape=(count, 3), dtype=int, device="cpu")
+    wp.launch(split_ranges, dim=1, inputs=[lo, hi, leaf], outputs=[order, waiting, ranges, areas, size], device="cpu")
+    ranges = ranges[: int(size.numpy()[0])]
+    costs = wp.empty(shape=(count + 3, WIDTH + 1), dtype=float, device="cpu")
+    cuts = wp.empty(shape=(max(len(ranges), 1), WIDTH + 1), dtype=wp.uint8, device="cpu")
+    wp.launch(choose_cuts, dim=1, inputs=[leaf, ranges, areas], outputs=[costs, cuts], device="cpu")
+    return ranges, cuts
 
 
 def _widen(boxes: np.ndarray, margin: np.float32) -> np.ndarray:

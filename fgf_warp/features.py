@@ -16,10 +16,10 @@ from fgf_warp.scene import (
     CylinderLight,
     DistantLight,
     DomeLight,
+    Instances,
     Light,
     Medium,
     Mesh,
-    MeshInstance,
     MeshLight,
     PhaseFunction,
     Scene,
@@ -170,12 +170,12 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
     lone_law = media[0].line_law.kind if is_lone else ""
     hanging = solids_in_tree(scene.shapes)
     tried = filled if hanging else scene.shapes
-    triangles = Mesh | MeshInstance | MeshLight
+    triangles = Mesh | Instances | MeshLight
     motion = scene.camera.closing is not None or any(moves(shape) for shape in scene.shapes)
     return RenderFeatures(
         solids=frozenset(shape.kind for shape in tried if isinstance(shape, Solid)),
         meshes=bool(hanging) or any(isinstance(item, triangles) for item in (*scene.shapes, *scene.lights)),
-        instances=bool(hanging) or any(isinstance(shape, MeshInstance) for shape in scene.shapes),
+        instances=bool(hanging) or any(isinstance(shape, Instances) for shape in scene.shapes),
         solids_in_tree=bool(hanging),
         motion=motion,
         surfaces=bool(surfaces),
@@ -241,7 +241,7 @@ def _light_kind(light: Light) -> str:
 
 
 def _has_normals(shape: Shape) -> bool:
-    mesh = shape.mesh if isinstance(shape, MeshInstance) else shape
+    mesh = shape.prototype if isinstance(shape, Instances) else shape
     return isinstance(mesh, Mesh) and mesh.surface is not None and mesh.normals is not None
 
 
@@ -279,8 +279,8 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
         moving.append(scene.camera.name)
     return (
         Reason("spheres, cubes, cylinders", bool(features.solids), _why(named(Solid))),
-        Reason("meshes", features.meshes, _why(named(Mesh | MeshInstance | MeshLight))),
-        Reason("instances", features.instances, _why([*named(MeshInstance), *hanging])),
+        Reason("meshes", features.meshes, _why(named(Mesh | Instances | MeshLight))),
+        Reason("instances", features.instances, _why(list(dict.fromkeys([*named(Instances), *hanging])))),
         Reason("solids in a tree", features.solids_in_tree, _why(hanging)),
         Reason("motion", features.motion, _why(moving)),
         Reason("surfaces", features.surfaces, _why([s.name for s in scene.shapes if s.surface is not None])),

@@ -112,7 +112,7 @@ from fgf_warp.device.rng import (
     pixel_shift,
     reverse_bits,
 )
-from fgf_warp.device.shading import Shade, Shading, read_surface
+from fgf_warp.device.shading import Look, Shade, Shading, read_surface
 from fgf_warp.device.surfaces import Surface, diffuse_pdf, sample_diffuse
 from fgf_warp.device.tables import draw_from
 from fgf_warp.features import RenderFeatures
@@ -145,6 +145,8 @@ class SceneData:
     """Of solids and instances that move."""
     meshes: wp.array(dtype=Bvh)
     surfaces: wp.array(dtype=Surface)
+    surface_of: wp.array(dtype=int)
+    """Of what a hit of a surface tells, the index of the surface: instances share theirs."""
     shading: wp.array(dtype=Shading)
     light_tables: wp.array(dtype=LightTables)
     """One of each: functions take the scene by value, and it should not be large."""
@@ -512,6 +514,18 @@ def build_program(features: RenderFeatures) -> Program:
         return path
 
     @wp.func
+    def surface_at(surface_of: wp.array(dtype=int), item: int) -> int:
+        """Index of the surface that was hit."""
+        if wp.static(features.instances):
+            return surface_of[item]
+        return item
+
+    @wp.func
+    def look_at_item(scene: SceneData, item: int) -> Look:
+        """The look of the surface that was hit."""
+        return scene.shading[0].looks[surface_at(scene.surface_of, item)]
+
+    @wp.func
     def look_at_solids(scene: SceneData, before: Path) -> Path:
         """At all of them but the lone one, lane by lane."""
         path = before
@@ -524,7 +538,8 @@ def build_program(features: RenderFeatures) -> Program:
                     span = solid_span(solid, solid.kind, before.origin, before.direction)
                     path.hit = meet_open_surface(solid, span, before.origin, before.direction, before.start, path.hit)
                 else:
-                    path = look_at_surface(path, solid, solid.kind, scene.surfaces[solid.surface])
+                    surface = scene.surfaces[surface_at(scene.surface_of, solid.surface)]
+                    path = look_at_surface(path, solid, solid.kind, surface)
             elif wp.static(has_crossings):
                 path = look_at_boundary(path, solid, solid.kind)
         return path
@@ -534,14 +549,15 @@ def build_program(features: RenderFeatures) -> Program:
         return intersect_meshes(trees, path.origin, path.direction, path.start, path.hit)
 
     @wp.func(inline=True)
-    def see_mesh(before: Path, hit: Hit, surfaces: wp.array(dtype=Surface)) -> Path:
+    def see_mesh(before: Path, hit: Hit, surfaces: wp.array(dtype=Surface), surface_of: wp.array(dtype=int)) -> Path:
         """The path with what it has just hit of the meshes, if it is nearer than all else."""
         path = before
         path.hit = hit
         if wp.static(has_surfaces and not shades):
             if hit.t < before.hit.t and hit.kind == SURFACE:
-                path.albedo = surfaces[hit.item].diffuse
-                path.met = surfaces[hit.item].emission
+                surface = surfaces[surface_at(surface_of, hit.item)]
+                path.albedo = surface.diffuse
+                path.met = surface.emission
         return path
 
     @wp.func(inline=True)
@@ -611,12 +627,12 @@ def build_program(features: RenderFeatures) -> Program:
     @wp.func
     def read_shade(scene: SceneData, hit: Hit, direction: wp.vec3, start: Start) -> Shade:
         """The surface at a hit, ready to be evaluated."""
-        look = scene.shading[0].looks[hit.item]
+        look = look_at_item(scene, hit.item)
         normals_to_world = wp.identity(n=3, dtype=float)
         axes = wp.identity(n=3, dtype=float)
         if wp.static(features.instances):
             if look.instance >= 0:
-                placement = place_instance(scene.meshes, look.instance, start.time)
+                placement = place_instance(scene.meshes, look.instance + hit.item - look.item, start.time)
                 normals_to_world = wp.transpose(placement.to_object)
                 axes = wp.inverse(placement.to_object)
         is_within = look.container >= 0 and is_inside(start.inside, look.container)
@@ -692,7 +708,7 @@ def build_program(features: RenderFeatures) -> Program:
     def shade(scene: SceneData, before: Path, seed: wp.uint64):
         """What becomes of a path that reaches a surface, and the surface, lane by lane."""
         path = before
-        container = scene.shading[0].looks[before.hit.item].container
+        container = look_at_item(scene, before.hit.item).container
         path.start.crossed = container
         path.keeps = 0
         if is_hidden(scene, container, before.start.inside):
@@ -1033,7 +1049,7 @@ def build_program(features: RenderFeatures) -> Program:
         """Of what the path has just been scattered by."""
         if wp.static(has_surfaces):
             if path.scatters == SURFACE:
-                return scene.surfaces[path.hit.item].light_links
+                return scene.surfaces[surface_at(scene.surface_of, path.hit.item)].light_links
         links = wp.uint32(ALL_LINKS)
         if wp.static(features.media):
             links = scene.containers[container_at(scene.containers, path.start.inside)].light_links
@@ -1068,7 +1084,7 @@ def build_program(features: RenderFeatures) -> Program:
                     straight = straight_share(scene, hit, direction, start)
                     result.transmittance = wp.cw_mul(result.transmittance, straight)
                     lets_through = max_component(straight) > 0.0
-                    gate = scene.shading[0].looks[hit.item].container
+                    gate = look_at_item(scene, hit.item).container
                     if gate < 0:
                         start.passed = hit.t
             if wp.static(features.media):
@@ -1101,7 +1117,7 @@ def build_program(features: RenderFeatures) -> Program:
     @wp.func
     def straight_share(scene: SceneData, hit: Hit, direction: wp.vec3, start: Start) -> wp.vec3:
         """Of light that meets a surface, what passes straight on."""
-        look = scene.shading[0].looks[hit.item]
+        look = look_at_item(scene, hit.item)
         if scene.shading[0].materials[look.material].may_pass == 0:
             return wp.vec3(0.0)
         if is_hidden(scene, look.container, start.inside):
@@ -1163,7 +1179,7 @@ def build_program(features: RenderFeatures) -> Program:
     def face_light(scene: SceneData, before: Path, direction: wp.vec3) -> Path:
         """The path at a surface that light may enter, on the side from which the light comes."""
         path = before
-        container = scene.shading[0].looks[before.hit.item].container
+        container = look_at_item(scene, before.hit.item).container
         is_beyond = wp.dot(before.hit.normal, direction) < 0.0
         if container >= 0 and is_beyond != (before.transmits == 1):
             path = change_side(scene, before, container)
@@ -1511,7 +1527,7 @@ def build_program(features: RenderFeatures) -> Program:
         if wp.static(has_solids):
             path = look_at_solids(scene, path)
         if wp.static(features.meshes):
-            path = see_mesh(path, hit_of_meshes(scene.meshes, path), scene.surfaces)
+            path = see_mesh(path, hit_of_meshes(scene.meshes, path), scene.surfaces, scene.surface_of)
         if wp.static(features.intricate_lights):
             path = look_at_lights(scene, path)
         else:
@@ -1762,7 +1778,9 @@ def build_program(features: RenderFeatures) -> Program:
                                 store(lanes, i, look_at_surface(path, solid, kind, surface))
 
     @wp.func
-    def look_at_meshes_by_lane(pool: wp.uint64, trees: wp.array(dtype=Bvh), surfaces: wp.array(dtype=Surface)):
+    def look_at_meshes_by_lane(
+        pool: wp.uint64, trees: wp.array(dtype=Bvh), surfaces: wp.array(dtype=Surface), surface_of: wp.array(dtype=int)
+    ):
         lanes = lanes_of(pool)
         for i in range(LANES):
             path = load(lanes, i)
@@ -1770,7 +1788,7 @@ def build_program(features: RenderFeatures) -> Program:
                 hit = hit_of_meshes(trees, path)
                 # Loaded anew after the call: for all that the compiler knows it could change any lane, and all that was
                 # loaded before would be stored again.
-                store(lanes, i, see_mesh(load(lanes, i), hit, surfaces))
+                store(lanes, i, see_mesh(load(lanes, i), hit, surfaces, surface_of))
 
     @wp.func
     def look_at_lights_by_lane(pool: wp.uint64, scene: SceneData):
@@ -1954,7 +1972,7 @@ def build_program(features: RenderFeatures) -> Program:
             elif wp.static(has_solids and (has_crossings or has_surfaces)):
                 look_at_solids_in_lanes(pool, scene.solids, scene.surfaces)
             if wp.static(features.meshes):
-                look_at_meshes_by_lane(pool, scene.meshes, scene.surfaces)
+                look_at_meshes_by_lane(pool, scene.meshes, scene.surfaces, scene.surface_of)
             if wp.static(features.intricate_lights):
                 look_at_lights_by_lane(pool, scene)
             elif wp.static(features.connections):

@@ -25,7 +25,7 @@ from fgf_warp.headers import load_on_cpu
 from fgf_warp.integrator import NOT_SEEN, Counts, Film, Program, Round, build_program
 from fgf_warp.locks import hold
 from fgf_warp.result import RenderResult
-from fgf_warp.scene import Medium, Scene
+from fgf_warp.scene import Instances, Medium, Scene, Shape, count_of
 from fgf_warp.settings import GIB, PRIM_AOVS, RENDERED_AOVS, SPLIT_AOVS, Aov, RenderSettings
 from fgf_warp.upload import UploadedScene, upload
 
@@ -414,10 +414,18 @@ def _prim_numbers(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
     Surfaces count from the front, and nothing and the containers from the back.
     """
-    numbers = {name: number for number, name in enumerate(scene.prims, start=1)}
-    surfaces = [(numbers[shape.name], shape.instance) for shape in scene.shapes if shape.surface is not None]
-    containers = [(numbers[shape.name], shape.instance) for shape in scene.shapes if shape.medium is not None]
-    table = np.array([*surfaces, *reversed(containers), (0, -1)], dtype=np.int32)
+    prims = {name: number for number, name in enumerate(scene.prims, start=1)}
+
+    def numbers(shape: Shape) -> np.ndarray:
+        rows = np.full((count_of(shape), 2), (prims[shape.name], -1), dtype=np.int32)
+        of_instancer = shape.numbers if isinstance(shape, Instances) else shape.instance
+        if of_instancer is not None:
+            rows[:, 1] = of_instancer
+        return rows
+
+    surfaces = [numbers(shape) for shape in scene.shapes if shape.surface is not None]
+    containers = [numbers(shape) for shape in scene.shapes if shape.medium is not None]
+    table = np.concatenate([*surfaces, *reversed(containers), np.array([(0, -1)], dtype=np.int32)])
     return table[:, 0], table[:, 1]
 
 

@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 
 from fgf_warp.errors import OpenMeshError, SceneError
+from fgf_warp.placements import FLOAT32_MAX, are_usable, blocks, bound_places, squared
 from fgf_warp.theory.choices import LINE_VARIANCES, TRANSPORTS, LineVariance, Transport
 from fgf_warp.theory.law import LineLaw, build_line_law
 from fgf_warp.theory.mixture import MIXTURE_ERROR, mix_exact_rates
@@ -39,8 +40,6 @@ PHASE_PARAMETERS: dict[str, tuple[PhaseFunction, ...]] = {
 WHITE: Rgb = (1.0, 1.0, 1.0)
 BLACK: Rgb = (0.0, 0.0, 0.0)
 
-FLOAT32_MAX = float(np.finfo(np.float32).max)
-"""What is larger is not finite on the device."""
 RESOLVED_DEPTH = 1e5
 """sigma_m times the largest coordinate: above it float32, which rounds by 6e-8, moves events by a hundredth of a mean
 free path."""
@@ -530,18 +529,18 @@ class Surface:
                 _check_range("surface", key, number, "in [0, 1]", lambda x: 0 <= x <= 1)
         _check_range("surface", "ior", self.ior, "> 0", lambda x: x > 0)
 
-    @property
+    @cached_property
     def inputs(self) -> tuple[TextureInput | PrimvarInput, ...]:
         """Those that vary over the shape."""
         values = (getattr(self, key) for key in self.__dataclass_fields__)
         return tuple(value for value in values if isinstance(value, TextureInput | PrimvarInput))
 
-    @property
+    @cached_property
     def primvars(self) -> frozenset[str]:
         """Names of what it reads from the shape."""
         return frozenset(value.primvar for value in self.inputs if value.primvar)
 
-    @property
+    @cached_property
     def coordinates(self) -> frozenset[str]:
         """Those of them that textures are read at, which are of two numbers or more."""
         return frozenset(value.primvar for value in self.inputs if isinstance(value, TextureInput) and value.primvar)
@@ -666,54 +665,114 @@ class Mesh:
 
 
 @dataclass(frozen=True, eq=False)
-class MeshInstance:
-    """A mesh under an affine transform. Instances share what their meshes share: arrays that are the same object.
+class Instances:
+    """A mesh or a solid in many places, which are arrays: a million of them take 100 MB here.
+
+    Instances share what their prototypes share: arrays that are the same object.
 
     Args:
         name: the prim path.
-        mesh: in its own space, with the surface and the medium of the instance.
-        object_to_world: (4, 4) float64, invertible.
-        closing: as for `Solid`.
-        instance: as for `Solid`.
-        light_links: as for `Solid`.
-        shadow_links: as for `Solid`.
+        prototype: what stands there, with its surface and medium: a mesh in its own space, or a solid that rests, whose
+            own transform comes first.
+        object_to_world: (n, 3, 4) float64, n > 0, the upper rows of each one's matrix, which is invertible.
+        closing: the same when the shutter closes; None: all rest.
+        numbers: (n,) int, of each in its instancer, or None, where they are in none.
+        primvars: name to (n, k) float32, one value for each, in place of the prototype's.
+        light_links: as for `Solid`, of all of them.
+        shadow_links: as for `Solid`, of all of them.
+
+    Raises:
+        SceneError: for arrays that do not fit, matrices that are not finite or not invertible, or more than one
+            instance of what a medium fills, since each is a shape of its own.
     """
 
     name: str
-    mesh: Mesh
+    prototype: Mesh | Solid
     object_to_world: np.ndarray
     closing: np.ndarray | None = None
-    instance: int = -1
+    numbers: np.ndarray | None = None
+    primvars: Mapping[str, np.ndarray] = field(default_factory=dict)
     light_links: int = 0
     shadow_links: int = 0
 
     def __post_init__(self) -> None:
-        _check_matrix(self.name, "object_to_world", self.object_to_world)
-        if self.closing is not None:
-            _check_matrix(self.name, "closing", self.closing)
+        for key in ("object_to_world", "closing"):
+            matrices = getattr(self, key)
+            if matrices is None and key == "closing":
+                continue
+            if matrices.shape != (self.count, 3, 4) or not self.count:
+                raise SceneError(f"{self.name}: {key} must be an (n, 3, 4) array, with n > 0 the same for all")
+            bad = np.flatnonzero(~are_usable(matrices))
+            if len(bad):
+                raise SceneError(
+                    f"{self.name}: {key}[{bad[0]}] is of no use; accepted: finite, invertible and with an inverse "
+                    f"below {FLOAT32_MAX:.3g}"
+                )
+        if self.numbers is not None and self.numbers.shape != (self.count,):
+            raise SceneError(f"{self.name}: numbers must be a ({self.count},) array")
+        for key, values in self.primvars.items():
+            if values.ndim != 2 or len(values) != self.count:
+                raise SceneError(
+                    f"{self.name}: primvar {key!r} has the shape {values.shape}; accepted: ({self.count}, k)"
+                )
+        if isinstance(self.prototype, Solid) and (self.medium is not None or self.prototype.closing is not None):
+            raise SceneError(f"{self.name}: a solid that is filled or moves is no prototype; accepted: each as a Solid")
+        if self.medium is not None and self.count > 1:
+            raise SceneError(
+                f"{self.name}: {self.count} instances are filled with a medium; accepted: each as Instances of its own"
+            )
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.object_to_world)
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner, (3,) each, of a box that holds all of them wherever they move."""
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        box = shape_bounds(self.prototype)
+        for matrices in (self.object_to_world, *(() if self.closing is None else (self.closing,))):
+            for at in blocks(self.count):
+                lows, highs = bound_places(matrices[at], *box)
+                low, high = np.minimum(low, lows.min(axis=0)), np.maximum(high, highs.max(axis=0))
+        return low, high
 
     @property
     def surface(self) -> Surface | None:
-        """Of its mesh."""
-        return self.mesh.surface
+        """Of the prototype."""
+        return self.prototype.surface
 
     @property
     def medium(self) -> int | None:
-        """Of its mesh."""
-        return self.mesh.medium
+        """Of the prototype."""
+        return self.prototype.medium
 
 
-Shape = Solid | Mesh | MeshInstance
+Shape = Solid | Mesh | Instances
+
+
+def count_of(shape: Shape) -> int:
+    """In how many places it is."""
+    return shape.count if isinstance(shape, Instances) else 1
+
 
 MANY_SOLIDS = 100
 """More surfaces of solids than that are looked up in a tree, and are not tried one after the other."""
 
 
-def solids_in_tree(shapes: Sequence[Shape]) -> list[Solid]:
-    """Those solids that are looked up in a tree: none, or all whose surface is all there is of them."""
-    solids = [shape for shape in shapes if isinstance(shape, Solid) and shape.surface is not None]
-    bare = [solid for solid in solids if solid.medium is None]
-    return bare if len(bare) > MANY_SOLIDS else []
+def solids_in_tree(shapes: Sequence[Shape]) -> list[Solid | Instances]:
+    """Those solids that are looked up in a tree: none, or all whose surface is all there is of them.
+
+    Instances of solids are in it, and all others then too.
+    """
+    solids = [
+        shape
+        for shape in shapes
+        if isinstance(shape, Solid) or (isinstance(shape, Instances) and isinstance(shape.prototype, Solid))
+    ]
+    bare = [solid for solid in solids if solid.surface is not None and solid.medium is None]
+    return bare if len(bare) > MANY_SOLIDS or any(isinstance(solid, Instances) for solid in bare) else []
 
 
 MAX_CONTAINERS = 32
@@ -1117,11 +1176,17 @@ class Scene:
         return moved
 
 
-def drift_of(shape: Shape) -> np.ndarray:
-    """(4, 4) float64 by which a point of a shape moves while the shutter is open, from its place at the opening."""
+def drifts_of(shape: Shape) -> np.ndarray:
+    """(n, 3, 4) float64 by which points of a shape move while the shutter is open, from their place at the opening."""
     if isinstance(shape, Mesh) or shape.closing is None:
-        return np.zeros((4, 4))
-    return shape.closing @ np.linalg.inv(shape.object_to_world) - np.eye(4)
+        return np.zeros((count_of(shape), 3, 4))
+    opening, closing = (
+        squared(matrices if isinstance(shape, Instances) else matrices[None, :3])
+        for matrices in (shape.object_to_world, shape.closing)
+    )
+    drifts = (closing @ np.linalg.inv(opening) - np.eye(4))[:, :3]
+    drifts[(opening == closing).all(axis=(1, 2))] = 0
+    return drifts
 
 
 def moves(shape: Shape) -> bool:
@@ -1142,26 +1207,28 @@ def shape_widths(shape: Shape) -> tuple[float, float]:
 
 def shape_bounds(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest corner, (3,) each, of a box that holds the shape; not tight for a turned round solid."""
-    if isinstance(shape, Mesh):
+    if not isinstance(shape, Solid):
         return shape.bounds
-    if isinstance(shape, MeshInstance):
-        low, high = shape.mesh.bounds
-        corners = (low + high) / 2 + CUBE_CORNERS * (high - low) / 2
-    else:
-        corners = CUBE_CORNERS
     matrices = [shape.object_to_world] + ([] if shape.closing is None else [shape.closing])
-    points = np.concatenate([corners @ matrix[:3, :3].T + matrix[:3, 3] for matrix in matrices])
+    points = np.concatenate([CUBE_CORNERS @ matrix[:3, :3].T + matrix[:3, 3] for matrix in matrices])
     return points.min(axis=0), points.max(axis=0)
+
+
+def points_in(instances: Instances, point: np.ndarray) -> np.ndarray:
+    """(m, 3), a point of the world in the space of each instance whose box holds it when the shutter opens."""
+    low, high = bound_places(instances.object_to_world, *shape_bounds(instances.prototype))
+    near = np.flatnonzero(((low <= point) & (point <= high)).all(axis=1))
+    local: np.ndarray = np.linalg.solve(squared(instances.object_to_world[near]), np.append(point, 1.0)[:, None])
+    return local[:, :3, 0]
 
 
 def encloses(shape: Shape, point: np.ndarray) -> bool:
     """True where the point, (3,) float64 in world space, lies in the closed shape when the shutter opens."""
     if isinstance(shape, Mesh):
         return winding_number(shape.points, shape.triangles, point) > 0.5
-    local = np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3]
-    if isinstance(shape, MeshInstance):
-        return encloses(shape.mesh, local)
-    x, y, z = local
+    if isinstance(shape, Instances):
+        return any(encloses(shape.prototype, local) for local in points_in(shape, point))
+    x, y, z = np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3]
     if shape.kind == "sphere":
         return bool(x * x + y * y + z * z < 1)
     if shape.kind == "cube":

@@ -19,17 +19,18 @@ from fgf_warp.device.shading import Shading
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.integrator import LAW_KINDS, Limits, SceneData
 from fgf_warp.scene import (
+    BLACK,
     MAX_CONTAINERS,
     Camera,
     DomeLight,
+    Instances,
     Medium,
-    MeshInstance,
     Scene,
     Shape,
     Solid,
-    drift_of,
+    count_of,
+    drifts_of,
     encloses,
-    moves,
     shape_bounds,
     solids_in_tree,
     unit_axes,
@@ -38,8 +39,9 @@ from fgf_warp.settings import Aov, RenderSettings
 from fgf_warp.theory import fbm, kernels
 from fgf_warp.theory.law import LineLaw
 from fgf_warp.theory.mixture import RateMixture, mix_exact_rates, mix_rates
+from fgf_warp.upload_instances import is_open, upload_array, upload_solids, upload_structs
 from fgf_warp.upload_lights import build_device_lights, connected_lights
-from fgf_warp.upload_meshes import build_device_meshes, is_open, upload_solids
+from fgf_warp.upload_meshes import build_device_meshes
 from fgf_warp.upload_shading import build_device_shading, indices_of_refraction
 
 EXTINCTION_FLOOR = 1e-30
@@ -103,9 +105,8 @@ def upload(
     meshes = build_device_meshes(shapes, connected_lights(scene), device)
     data.meshes = wp.array([meshes], dtype=Bvh, device=device)
     data.motions = meshes.motions
-    data.surfaces = wp.array(
-        [_surface(s) for s in shapes if s.surface is not None], dtype=surfaces.Surface, device=device
-    )
+    surfaced = [shape for shape in shapes if shape.surface is not None]
+    data.surfaces, data.surface_of = _surfaces(surfaced, device)
     kept: list[Any] = [meshes]
     if shading:
         kept.append(build_device_shading(shapes, containers, device))
@@ -116,7 +117,7 @@ def upload(
     iors = indices_of_refraction(containers)
     data.containers = wp.array([_container(s, scene, iors) for s in containers], dtype=medium.Container, device=device)
     if Aov.MOTION in settings.aovs:
-        data.surface_drifts = _drifts([shape for shape in shapes if shape.surface is not None], device)
+        data.surface_drifts = _drifts(surfaced, device)
         data.container_drifts = _drifts(containers, device)
     data.lights, light_tables = build_device_lights(scene, containers, device)
     data.light_tables = wp.array([light_tables], dtype=LightTables, device=device)
@@ -142,8 +143,8 @@ def _bare(shape: Shape) -> Shape:
     """The shape as a mere boundary."""
     if shape.surface is None:
         return shape
-    if isinstance(shape, MeshInstance):
-        return replace(shape, mesh=replace(shape.mesh, surface=None))
+    if isinstance(shape, Instances):
+        return replace(shape, prototype=replace(shape.prototype, surface=None))
     return replace(shape, surface=None)
 
 
@@ -294,25 +295,23 @@ def _ior_around(inside: int, containers: Sequence[Shape], scene: Scene) -> float
 
 
 def _drifts(shapes: Sequence[Shape], device: str) -> wp.array:
-    struct: Any = drift.Drift
-    rows: Any = np.zeros(len(shapes), dtype=struct.numpy_dtype())
-    for row, shape in zip(rows, shapes, strict=True):
-        if moves(shape):
-            moved = drift_of(shape)
-            row["slope"], row["offset"] = moved[:3, :3], moved[:3, 3]
-    return wp.array(rows, dtype=struct, device=device)
+    moved = np.concatenate([np.zeros((0, 3, 4)), *map(drifts_of, shapes)])
+    return upload_structs(drift.Drift, device, slope=moved[:, :, :3], offset=moved[:, :, 3])
 
 
-def _surface(shape: Shape) -> Any:
-    surface = shape.surface
-    assert surface is not None
-    result = surfaces.Surface()
-    result.light_links = shape.light_links
-    # What varies is read where surfaces are shaded.
-    if surface.is_matte and isinstance(surface.diffuse, tuple) and isinstance(surface.emission, tuple):
-        result.diffuse = wp.vec3(*surface.diffuse)
-        result.emission = wp.vec3(*surface.emission)
-    return result
+def _surfaces(shapes: Sequence[Shape], device: str) -> tuple[wp.array, wp.array]:
+    """Those of each shape, and which of them each place's is; what varies is read where surfaces are shaded."""
+    colors: list[Any] = [
+        (shape.surface.diffuse, shape.surface.emission) if shape.surface and shape.surface.is_matte else (BLACK, BLACK)
+        for shape in shapes
+    ]
+    diffuse, emission = np.array(colors, dtype=np.float64).reshape(-1, 2, 3).swapaxes(0, 1)
+    links = np.array([shape.light_links for shape in shapes], dtype=np.uint32)
+    surface_of = np.repeat(np.arange(len(shapes), dtype=np.int32), [count_of(shape) for shape in shapes])
+    return (
+        upload_structs(surfaces.Surface, device, diffuse=diffuse, emission=emission, light_links=links),
+        upload_array(surface_of, int, device),
+    )
 
 
 def _camera(camera: Camera, width: int, height: int) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -14,17 +15,18 @@ from fgf_warp.scene import (
     ColorInput,
     FloatInput,
     Image,
+    Instances,
     Mesh,
-    MeshInstance,
     PrimvarInput,
     Shape,
     Solid,
     Surface,
     Texture,
     TextureInput,
+    count_of,
 )
 from fgf_warp.theory import bsdf as theory
-from fgf_warp.upload_meshes import is_open, upload_structs
+from fgf_warp.upload_instances import is_open, mesh_of, number_surfaces, upload_structs
 
 CHANNELS = {"rgb": -1, "r": 0, "g": 1, "b": 2, "a": 3}
 INPUTS = (
@@ -39,7 +41,7 @@ INPUTS = (
     "normal",
 )
 """Of a material, in the order in which the device has them."""
-NO_VIEW = (-1, 0, 0)
+NO_VIEW = (-1, 0, 0, -1)
 
 
 def build_device_shading(shapes: Sequence[Shape], containers: Sequence[Shape], device: str) -> Any:
@@ -52,10 +54,11 @@ def build_device_shading(shapes: Sequence[Shape], containers: Sequence[Shape], d
     """
     shaded = [shape for shape in shapes if shape.surface is not None]
     rows = ShadingRows()
-    instances = (shape for shape in shapes if isinstance(shape, MeshInstance))
-    instance_of: dict[Shape, int] = {shape: index for index, shape in enumerate(instances)}
+    instances = [shape for shape in shapes if mesh_of(shape)]
+    instance_of: dict[Shape, int] = dict(zip(instances, accumulate(map(count_of, instances), initial=0), strict=False))
+    item_of = number_surfaces(shapes)
     bit_of = {shape: bit for bit, shape in enumerate(containers) if is_open(shape)}
-    looks = [rows.add_look(shape) for shape in shaded]
+    looks = [rows.add_look(shape, item_of[shape]) for shape in shaded]
     result = rows.upload(device)
     result.looks = upload_structs(
         shading.Look,
@@ -63,6 +66,7 @@ def build_device_shading(shapes: Sequence[Shape], containers: Sequence[Shape], d
         material=[material for material, _, _ in looks],
         views=[views for _, views, _ in looks],
         normals=[normals for _, _, normals in looks],
+        item=[item_of[shape] for shape in shaded],
         instance=[instance_of.get(shape, -1) for shape in shaded],
         container=[bit_of.get(shape, -1) for shape in shaded],
     )
@@ -215,6 +219,10 @@ def _names_read(surface: Surface) -> list[str]:
     return sorted({value.primvar for value in surface.inputs})
 
 
+_View = tuple[int, int, int, int]
+"""The fields of `shading.View`."""
+
+
 class ShadingRows:
     """Materials and what they read, on their way to the device; of the same surface or array there is one."""
 
@@ -222,25 +230,31 @@ class ShadingRows:
         self.textures = TextureRows()
         self._surfaces: dict[int, tuple[int, Surface]] = {}
         self._inputs: list[Any] = []
-        self._views: list[tuple[int, int, int]] = [NO_VIEW]
+        self._views: list[_View] = [NO_VIEW]
         self._values: list[np.ndarray] = []
         self._count = 0
-        self._view_of: dict[tuple, tuple[tuple[int, int, int], Any]] = {}
+        self._view_of: dict[tuple, tuple[_View, Any]] = {}
         self._views_of: dict[tuple, tuple[int, int, Any]] = {}
 
-    def add_look(self, shape: Shape) -> tuple[int, int, int]:
-        """Its material, the first of its views, and the view of its normals or -1."""
+    def add_look(self, shape: Shape, item: int) -> tuple[int, int, int]:
+        """Its material, the first of its views, and the view of its normals or -1.
+
+        Args:
+            shape: that has a surface.
+            item: what a hit of it, or of the first of its instances, tells.
+        """
         assert shape.surface is not None
         material = self._add_surface(shape.surface)
-        carrier: Solid | Mesh = shape.mesh if isinstance(shape, MeshInstance) else shape
+        carrier: Solid | Mesh = shape.prototype if isinstance(shape, Instances) else shape
+        own = shape.primvars if isinstance(shape, Instances) else {}
         reads = shape.surface.inputs or shape.surface.normal is not None
         normals = carrier.normals if isinstance(carrier, Mesh) else None
         if not reads and normals is None:
             return material, 0, -1
         # A mesh is made anew for each surface that it is given, its arrays are not.
-        key = (id(shape.surface), *_identities(carrier), id(normals))
+        key = (id(shape.surface), *_identities(carrier), id(normals), item if own else -1)
         if key not in self._views_of:
-            views, at = self._views_of_shape(shape.surface, carrier), len(self._views)
+            views, at = self._views_of_shape(shape.surface, carrier, own, item), len(self._views)
             self._views += views
             normals_at = -1
             if normals is not None:
@@ -250,17 +264,24 @@ class ShadingRows:
         first, normals_at, _ = self._views_of[key]
         return material, first, normals_at
 
-    def _views_of_shape(self, surface: Surface, carrier: Solid | Mesh) -> list[tuple[int, int, int]]:
-        found = [self._view_of_primvar(carrier.primvars, name) for name in _names_read(surface)]
+    def _views_of_shape(
+        self, surface: Surface, carrier: Solid | Mesh, own: Mapping[str, np.ndarray], item: int
+    ) -> list[_View]:
+        found = [
+            (*self._view(("instances", id(own[name])), own[name])[:3], item)
+            if name in own
+            else self._view_of_primvar(carrier.primvars, name)
+            for name in _names_read(surface)
+        ]
         if surface.normal is not None:
             found.append(self._view_of_tangents(surface.normal, carrier))
         return found
 
-    def _view_of_primvar(self, primvars: Mapping[str, np.ndarray], name: str) -> tuple[int, int, int]:
+    def _view_of_primvar(self, primvars: Mapping[str, np.ndarray], name: str) -> _View:
         values = primvars.get(name)
         return NO_VIEW if values is None else self._view(("primvar", id(values)), values)
 
-    def _view_of_tangents(self, normal: TextureInput, carrier: Solid | Mesh) -> tuple[int, int, int]:
+    def _view_of_tangents(self, normal: TextureInput, carrier: Solid | Mesh) -> _View:
         st = carrier.primvars.get(normal.primvar)
         if not isinstance(carrier, Mesh) or st is None or st.shape[1] != 3 or st.shape[2] < 2:
             return NO_VIEW
@@ -269,12 +290,11 @@ class ShadingRows:
             return self._view_of[key][0]
         return self._view(key, tangents(carrier, st, normal.transform), (carrier, st))
 
-    def _view(self, key: tuple, values: np.ndarray, keeps: Any = None) -> tuple[int, int, int]:
-        """Where values of the shape (k,), (1, 1, k), (m, 1, k) or (m, 3, k) are."""
+    def _view(self, key: tuple, values: np.ndarray, keeps: Any = None) -> _View:
+        """Where values of the shape (k,), (1, 1, k), (m, 1, k) or (m, 3, k) are, or (n, k) of instances."""
         if key not in self._view_of:
-            shape = (1, 1, values.size) if values.ndim == 1 else values.shape
-            per_face = shape[1] if shape[:2] != (1, 1) else 0
-            view = (self._count, shape[2], per_face)
+            per_face = values.shape[1] if values.ndim == 3 and values.shape[:2] != (1, 1) else 0
+            view = (self._count, values.shape[-1], per_face, -1)
             self._values.append(np.asarray(values, dtype=np.float32).ravel())
             self._count += values.size
             # What the key names must live as long as the key.
@@ -307,9 +327,9 @@ class ShadingRows:
     def upload(self, device: str) -> Any:
         """The device's `Shading`, without looks, materials and tables."""
         result = shading.Shading()
-        first, width, per_face = np.array(self._views).T
+        first, width, per_face, item = np.array(self._views).T
         result.inputs = wp.array(self._inputs, dtype=shading.Input, device=device)
-        result.views = upload_structs(shading.View, device, first=first, width=width, per_face=per_face)
+        result.views = upload_structs(shading.View, device, first=first, width=width, per_face=per_face, item=item)
         values = np.concatenate([np.zeros(0, np.float32), *self._values])
         result.values = wp.array(values, dtype=float, device=device)
         result.textures = self.textures.upload(device)

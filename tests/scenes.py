@@ -4,13 +4,18 @@ import math
 
 import numpy as np
 
-from fgf_warp.scene import Camera, DomeLight, Medium, Scene, Solid, Surface
+from fgf_warp.scene import Camera, DomeLight, Instances, Medium, Mesh, Scene, Solid, Surface
 
 
 def transform(scale=(1.0, 1.0, 1.0), at=(0.0, 0.0, 0.0)) -> np.ndarray:
     matrix = np.diag([*np.broadcast_to(scale, 3), 1.0]).astype(np.float64)
     matrix[:3, 3] = at
     return matrix
+
+
+def instance_of(name: str, mesh: Mesh, matrix: np.ndarray, closing: np.ndarray | None = None, **links) -> Instances:
+    """A mesh in one place, (4, 4)."""
+    return Instances(name, mesh, matrix[None, :3], None if closing is None else closing[None, :3], **links)
 
 
 def camera(position, towards, *, aperture=1.0, focal_length=1.0) -> Camera:

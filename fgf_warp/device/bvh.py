@@ -85,6 +85,8 @@ class Instance:
     """Of its mesh's tree; or -1 - the index of the solid."""
     owner: int
     """Index of what its triangles are."""
+    item: int
+    """What a hit of its surface tells in place of the mesh's own: instances share that."""
     motion: int
     """Index of its motion, or -1."""
     to_object: wp.mat33
@@ -480,6 +482,8 @@ def build_intersect_meshes(features: Any) -> Any:
                         hit_instance = instance
                         hit.kind = wp.where(mesh.surface >= 0, SURFACE, BOUNDARY)
                         hit.item = wp.where(mesh.surface >= 0, mesh.surface, mesh.container)
+                        if wp.static(features.instances) and instance >= 0 and mesh.surface >= 0:
+                            hit.item = trees[0].instances[instance].item
                         if wp.static(has_light_triangles):
                             if mesh.light >= 0:
                                 hit.kind = LIGHT

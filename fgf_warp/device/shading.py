@@ -41,6 +41,8 @@ class View:
     width: int
     per_face: int
     """0: of the whole shape; 1: of each triangle; 3: of the corners of each."""
+    item: int
+    """Of values of each instance, what a hit of the first one tells; -1 of all others."""
 
 
 @wp.struct
@@ -52,8 +54,10 @@ class Look:
     """The first of its material's primvars."""
     normals: int
     """View of its shading normals, or -1."""
+    item: int
+    """What a hit of it tells; of instances that share the look, of the first of them."""
     instance: int
-    """Whose space normals and tangents are in, or -1 for the world's."""
+    """Whose space normals and tangents are in, of the first; or -1 for the world's."""
     container: int
     """Bit of the medium that light enters here, or -1."""
 
@@ -125,6 +129,8 @@ class Shade:
 @wp.func
 def read_value(shading: Shading, view: View, hit: Hit, k: int) -> float:
     """One of the numbers of a primvar."""
+    if view.item >= 0:
+        return shading.values[view.first + (hit.item - view.item) * view.width + k]
     if view.per_face == 0 or hit.face < 0:
         return shading.values[view.first + k]
     if view.per_face == 1:

@@ -137,6 +137,15 @@ def start_warp(device: str) -> None:
 
 
 @contextmanager
+def telling(text: str) -> Iterator[None]:
+    """Says on a terminal what is being done, for as long as it takes."""
+    from rich.console import Console  # noqa: PLC0415
+
+    with Console(stderr=True).status(text):
+        yield
+
+
+@contextmanager
 def progress_bar(*, counted: bool) -> Iterator[Progress]:
     """A bar on stderr with rate and time left, and the count where it is worth reading."""
     from rich.console import Console  # noqa: PLC0415

@@ -37,6 +37,7 @@ from generators.commands.common import (
     parse_share,
     progress_bar,
     start_warp,
+    telling,
     warn,
 )
 from generators.commands.numbers import number, whole
@@ -241,18 +242,19 @@ def render(
     told: set[str] = set()
 
     def load(frame: Frame | None, product: str | None) -> tuple[Scene, RenderSettings]:
-        base = load_scene(
-            stage,
-            camera=camera,
-            frame=frame,
-            purposes=split_purposes(purposes),
-            complexity=complexity,
-            strict=strict,
-            render_settings=render_settings,
-            product=product,
-            width=width,
-            height=height,
-        )
+        with telling(f"reading {stage}"):
+            base = load_scene(
+                stage,
+                camera=camera,
+                frame=frame,
+                purposes=split_purposes(purposes),
+                complexity=complexity,
+                strict=strict,
+                render_settings=render_settings,
+                product=product,
+                width=width,
+                height=height,
+            )
         planes = next(planes for planes in (aovs, base.aovs, USUAL_AOVS) if planes is not None)
         settings = RenderSettings(
             width=base.width,
@@ -385,6 +387,7 @@ def _render_picture(
         task = progress.add_task("building the kernel", total=None)
         plain, asked = as_rendered(scene, settings)
         prepare(plain, asked)
+        progress.update(task, description="placing the shapes")
 
         def show(done: int, total: int) -> None:
             # How much is needed for a goal is known after the first round.

@@ -94,7 +94,10 @@ def _print_scene(scene: Scene, width: int, height: int) -> None:
         typer.echo(f"medium  {medium.name}: {_describe(medium)}")
     for shape in scene.shapes:
         inside = f", filled with {scene.media[shape.medium].name}" if shape.medium is not None else ""
-        typer.echo(f"shape   {shape.name}: {getattr(shape, 'kind', 'mesh')}{inside}")
+        count = getattr(shape, "count", 1)
+        kind = getattr(getattr(shape, "prototype", shape), "kind", "mesh")
+        times = f", {count:,} instances" if count > 1 else ""
+        typer.echo(f"shape   {shape.name}: {kind}{times}{inside}")
     for light in scene.lights:
         typer.echo(f"light   {light.name}: {type(light).__name__}")
 

@@ -14,7 +14,6 @@ from fgf_warp.scene import (
     Image,
     Medium,
     Mesh,
-    MeshInstance,
     PrimvarInput,
     Scene,
     Solid,
@@ -27,7 +26,7 @@ from fgf_warp.theory.bsdf import fresnel_dielectric
 from tests import stats
 from tests.grid import REGIMES
 from tests.render.test_drivers import launch_threads
-from tests.scenes import camera, transform
+from tests.scenes import camera, instance_of, transform
 
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 DOME = (DomeLight("/dome", WHITE),)
@@ -153,7 +152,7 @@ def test_a_textured_quad_shows_its_texels():
     in_world = render(Scene(view, (mesh, UNSEEN), (), DOME), settings).radiance
     assert np.abs(in_world - expected).mean() < 0.01
     small = replace(mesh, points=mesh.points / 4, name="/small")
-    placed = MeshInstance("/instance", small, transform(4.0))
+    placed = instance_of("/instance", small, transform(4.0))
     assert np.abs(render(Scene(view, (placed,)), settings).radiance - in_world).mean() < 1e-3
 
 

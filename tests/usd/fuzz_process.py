@@ -23,7 +23,7 @@ from typer.main import get_command
 from fgf_warp import renderer
 from fgf_warp.features import required_features
 from fgf_warp.output.exr import read_exr
-from fgf_warp.scene import MeshInstance, Scene, Shape
+from fgf_warp.scene import Instances, Scene, Shape
 from fgf_warp.settings import Aov, RenderSettings
 from generators.cli import app
 from tests.usd.fuzz import CPU_LIMIT, MEMORY_LIMIT
@@ -180,8 +180,8 @@ class Companion:
 
 def _moved(shape: Shape, media: int) -> Shape:
     """The shape, of which the medium has moved up in the list."""
-    if isinstance(shape, MeshInstance):
-        return replace(shape, mesh=_moved(shape.mesh, media))
+    if isinstance(shape, Instances):
+        return replace(shape, prototype=_moved(shape.prototype, media))
     return shape if shape.medium is None else replace(shape, medium=shape.medium + media)
 
 

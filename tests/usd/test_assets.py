@@ -16,7 +16,7 @@ from pxr import Usd, UsdGeom
 from fgf_warp import renderer
 from fgf_warp.features import RenderFeatures, required_features
 from fgf_warp.renderer import render
-from fgf_warp.scene import Scene, shape_bounds
+from fgf_warp.scene import Instances, Scene, shape_bounds
 from fgf_warp.settings import RenderSettings
 from generators.stage import image_size
 from tests.conftest import SHARED
@@ -95,7 +95,8 @@ def test_shapes_are_where_usd_puts_them(path: Path) -> None:
     names = Counter(shape.name for shape in scene.shapes)
     for shape in scene.shapes:
         prim = stage.GetPrimAtPath(shape.name)
-        if names[shape.name] > 1 or shape.instance >= 0 or not prim:
+        numbers = shape.numbers if isinstance(shape, Instances) else [shape.instance]
+        if names[shape.name] > 1 or max(numbers) >= 0 or not prim:
             continue
         if prim.IsA(UsdGeom.Subset):
             prim = prim.GetParent()

@@ -9,13 +9,20 @@ from pxr import Sdf, Usd, UsdGeom
 
 from fgf_warp.scene import PrimvarInput, Rgb, Surface
 from usd_scenes.reader.context import StageContext
+from usd_scenes.reader.instance_primvars import find_source, of_each, varies
+from usd_scenes.reader.instancing import Copies
 from usd_scenes.reader.primvars import cut_display
 
 
-def display_surface(prim: Usd.Prim, context: StageContext) -> Surface:
+def display_surface(prim: Usd.Prim, context: StageContext, copies: Copies | None = None) -> Surface:
     """A diffuse surface of the display color and opacity of a geometry prim, or of the mesh of a GeomSubset.
 
     Values out of [0, 1] are mended.
+
+    Args:
+        prim: the geometry.
+        context: the stage.
+        copies: of the prototype that it is part of: where their values differ, it reads the primvar of each.
 
     Raises:
         SceneError: for such values, where the stage is read strictly.
@@ -24,17 +31,19 @@ def display_surface(prim: Usd.Prim, context: StageContext) -> Surface:
     found: dict[str, Any] = {
         field: value
         for field, name, width in (("diffuse", "displayColor", 3), ("opacity", "displayOpacity", 1))
-        if (value := _display_input(shape, name, width, context)) is not None
+        if (value := _display_input(shape, name, width, context, copies)) is not None
     }
     return Surface(**found)
 
 
-def display_sources(prim: Usd.Prim) -> tuple[object, ...]:
+def display_sources(prim: Usd.Prim, copies: Copies | None = None) -> tuple[object, ...]:
     """What the display surface of a prim depends on; equal for instances that have it from one prototype."""
     shape = _shape_of(prim)
-    primvars = UsdGeom.PrimvarsAPI(shape)
-    found = [primvars.FindPrimvarWithInheritance(name) for name in ("displayColor", "displayOpacity")]
-    return shape.IsA(UsdGeom.Mesh), *(_place(primvar.GetAttr()) if primvar else None for primvar in found)
+    found = [find_source(shape, name, copies) for name in ("displayColor", "displayOpacity")]
+    return shape.IsA(UsdGeom.Mesh), *(
+        (_place(primvar.GetAttr()), copies.key if copies and varies(primvar, level) else None) if primvar else None
+        for primvar, level in found
+    )
 
 
 def _place(attribute: Usd.Attribute) -> Sdf.Path:
@@ -48,16 +57,23 @@ def _shape_of(prim: Usd.Prim) -> Usd.Prim:
     return prim.GetParent() if prim.IsA(UsdGeom.Subset) else prim
 
 
-def _display_input(shape: Usd.Prim, name: str, width: int, context: StageContext) -> PrimvarInput | Rgb | float | None:
-    """A primvar's value, or the primvar where it varies over a mesh; None where there is none."""
-    primvar = UsdGeom.PrimvarsAPI(shape).FindPrimvarWithInheritance(name)
-    if not primvar or not len(values := _values(primvar, width, context)):
+def _display_input(
+    shape: Usd.Prim, name: str, width: int, context: StageContext, copies: Copies | None
+) -> PrimvarInput | Rgb | float | None:
+    """A primvar's value, or the primvar where it varies over a mesh or from copy to copy; None where there is none."""
+    primvar, level = find_source(shape, name, copies)
+    values = _values(primvar, width, context) if primvar else np.empty((0, width))
+    is_of_each = varies(primvar, level)
+    if copies and level and is_of_each and len(values):
+        found = of_each(values, None, primvar, copies, level, context)
+        values = np.empty((0, width)) if found is None else found
+    if not len(values):
         return None
     first = tuple(float(str(number)) for number in values[0])
     value = cast(Rgb, first) if width == 3 else first[0]
     if (values == values[0]).all():
         return value
-    if shape.IsA(UsdGeom.Mesh):
+    if shape.IsA(UsdGeom.Mesh) or is_of_each:
         return PrimvarInput(name, fallback=value)
     context.notes.add(
         f"{name} varies over a shape that is no mesh: its first value is used", primvar.GetAttr().GetPath()

@@ -10,6 +10,7 @@ from fgf_warp.scene import Medium, Surface
 from usd_scenes.reader import preview_surface
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.display import display_sources, display_surface
+from usd_scenes.reader.instancing import Copies
 from usd_scenes.reader.medium import ends_in_surface, has_medium, read_medium
 from usd_scenes.reader.preview_surface import displaces, read_preview_surface
 from usd_scenes.schema import SCHEMA_NAME
@@ -58,22 +59,26 @@ class MaterialReader:
         """The media met so far; `Look.medium` counts in it."""
         return tuple(self._media)
 
-    def look_of(self, prim: Usd.Prim) -> Look:
+    def look_of(self, prim: Usd.Prim, copies: Copies | None = None) -> Look:
         """The look of a geometry prim or a GeomSubset: its bound material's, else its display color.
 
         Bindings are those for the purpose ``full``, else for all purposes, direct ones and those of collections, on
         the prim or above it, as UsdShade.MaterialBindingAPI resolves them.
+
+        Args:
+            prim: the geometry.
+            copies: of the prototype that it is part of.
 
         Raises:
             SceneError: for a value out of its range, or a missing one where the stage is read strictly.
         """
         material = self._bound_material(prim)
         if material is None:
-            return Look(surface=self._display_surface(prim), medium=None)
+            return Look(surface=self._display_surface(prim, copies), medium=None)
         reading = self._reading_of(material)
         if reading.is_open:
             return Look(surface=None, medium=reading.medium)
-        return Look(surface=reading.surface or self._display_surface(prim), medium=reading.medium)
+        return Look(surface=reading.surface or self._display_surface(prim, copies), medium=reading.medium)
 
     def bounds_medium(self, prim: Usd.Prim) -> bool:
         """True where a medium is bound to a prim or to a GeomSubset of it, whether or not either can be read."""
@@ -81,11 +86,11 @@ class MaterialReader:
         bound = (self._bound_material(part) for part in parts)
         return any(has_medium(material.GetPrim(), self._context) for material in bound if material)
 
-    def _display_surface(self, prim: Usd.Prim) -> Surface:
+    def _display_surface(self, prim: Usd.Prim, copies: Copies | None) -> Surface:
         # Instances whose display color and opacity are the same attributes have them read once.
-        key = display_sources(prim)
+        key = display_sources(prim, copies)
         if key not in self._display_surfaces:
-            self._display_surfaces[key] = display_surface(prim, self._context)
+            self._display_surfaces[key] = display_surface(prim, self._context, copies)
         return self._display_surfaces[key]
 
     def _bound_material(self, prim: Usd.Prim) -> UsdShade.Material | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -266,13 +266,14 @@ class Part:
         )
 
 
-def build_part(form: Form, prim: Usd.Prim, assignment: Assignment) -> Part:
+def build_part(form: Form, prim: Usd.Prim, assignment: Assignment, without: Collection[str] = ()) -> Part:
     """The triangles of a look, with the normals and primvars that it asks for.
 
     Args:
         form: the prim's triangles.
         prim: that inherits primvars.
         assignment: the look and its triangles.
+        without: primvars that each instance has a value of.
 
     Returns:
         The part, which shares the arrays of `form` where it is all of it.
@@ -283,7 +284,8 @@ def build_part(form: Form, prim: Usd.Prim, assignment: Assignment) -> Part:
     primvars = {
         name: values
         for name in names
-        if (values := form.primvar(prim, name)) is not None
+        if name not in without
+        and (values := form.primvar(prim, name)) is not None
         and fits_textures(values, name, look.surface, assignment.name, form.context)
     }
     triangles = form.triangles

@@ -76,10 +76,13 @@ def _below(place: _Place, context: StageContext) -> Iterator[_Place]:
     """The prims to go to next."""
     prim, copies, purpose = place.prim, place.copies, place.purpose
     if prim.IsA(UsdGeom.PointInstancer):
-        if copies and prim in copies.instancers:
+        if copies and any(prim == level.instancer for level in copies.levels):
             context.notes.add("instancer that is part of its own prototype is left out there", prim.GetPath())
             return
-        for inner in read_copies(prim, context, copies):
+        inners: list[Copies] = []
+        with context.going_on():
+            inners = read_copies(prim, context, copies)
+        for inner in inners:
             yield _Place(inner.root, inner, purpose)
         return  # What else is below an instancer is not drawn by itself.
     predicate = PROTOTYPE_PRIMS if copies else Usd.PrimDefaultPredicate

@@ -14,14 +14,15 @@ from fgf_warp.scene import (
     AreaLight,
     DistantLight,
     DomeLight,
+    Instances,
     Light,
     Mesh,
-    MeshInstance,
     MeshLight,
     Shape,
     Solid,
     count_open_edges,
     encloses,
+    points_in,
     shape_bounds,
 )
 
@@ -31,6 +32,8 @@ OUTSIDE: Compartment = frozenset()
 
 MESH_SAMPLES = 8
 """Triangles of a mesh that stand for all of it."""
+INSTANCE_SAMPLES = 8
+"""Instances that stand for all of them."""
 ABOVE_LIGHT = 1e-3
 """How far above a flat light its compartment is looked for, in units of its size: it may lie in a wall."""
 POLES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=np.float64)
@@ -60,7 +63,7 @@ class Walls:
 
     def _is_closed(self, k: int) -> bool:
         wall = self._walls[k]
-        mesh = wall.mesh if isinstance(wall, MeshInstance) else wall
+        mesh = wall.prototype if isinstance(wall, Instances) else wall
         if isinstance(mesh, Solid):
             return True
         if k not in self._closed:
@@ -70,8 +73,8 @@ class Walls:
 
 def is_inside(shape: Shape, point: np.ndarray) -> bool:
     """True where the point, (3,) float64 in world space, lies in the closed shape."""
-    if isinstance(shape, MeshInstance):
-        return is_inside(shape.mesh, np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3])
+    if isinstance(shape, Instances):
+        return any(is_inside(shape.prototype, local) for local in points_in(shape, point))
     return count_crossings(shape, point) > 0 if isinstance(shape, Mesh) else encloses(shape, point)
 
 
@@ -140,6 +143,9 @@ def _points_on(shape: Shape) -> Iterator[np.ndarray]:
         some = np.unique(np.linspace(0, len(shape.triangles) - 1, MESH_SAMPLES).astype(int))
         yield from shape.points[shape.triangles[some]].mean(axis=1)
         return
-    local = _points_on(shape.mesh) if isinstance(shape, MeshInstance) else POLES
-    matrix = shape.object_to_world
-    yield from (matrix[:3, :3] @ point + matrix[:3, 3] for point in local)
+    if isinstance(shape, Instances):
+        some = np.unique(np.linspace(0, shape.count - 1, INSTANCE_SAMPLES).astype(int))
+        matrices, local = shape.object_to_world[some], list(_points_on(shape.prototype))
+    else:
+        matrices, local = shape.object_to_world[None], list(POLES)
+    yield from (matrix[:3, :3] @ point + matrix[:3, 3] for matrix in matrices for point in local)
