@@ -10,8 +10,8 @@ from pathlib import Path
 
 from fgf_warp.errors import OutputError
 
-PARTIAL_GLOB = ".*.partial*"
-"""Matches the hidden names of files that are being written, or were when the machine stopped."""
+PARTIAL_GLOB = f".*.{'[0-9a-f]' * 12}.partial*"
+"""Matches the hidden names of files that are being written, or were when the machine stopped, and no one else's."""
 
 
 @contextmanager

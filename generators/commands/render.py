@@ -54,6 +54,14 @@ def render(
             "Default: as the stage's RenderProducts say.",
         ),
     ] = None,
+    output_root: Annotated[
+        Path | None,
+        typer.Option(
+            "--outputRoot",
+            metavar="DIR",
+            help="Folder that the stage's productNames are paths from and stay below; default: the working directory.",
+        ),
+    ] = None,
     camera: CameraPath = None,
     width: Annotated[
         int | None, typer.Option("--imageWidth", "-w", metavar="N", help="[pixel]; default: as the stage says, or 960.")
@@ -179,6 +187,8 @@ def render(
         "--similarityOrder": similarity_order,
         "--upscale": None if upscale == 1 else upscale,
     }
+    if output is not None and output_root is not None:
+        raise ConfigError("--outputRoot is of the stage's productNames, which --output takes the place of")
     wish = _choose_wish(preset, chosen)
     depths = PRESETS["balanced" if wish else preset]
     check_choice("--sampler", sampler, Sampler)
@@ -233,7 +243,7 @@ def render(
             return
         from generators.pictures import plan_pictures  # noqa: PLC0415
 
-        pictures, warnings = plan_pictures(stage, times, output, png, render_settings)
+        pictures, warnings = plan_pictures(stage, times, output, png, render_settings, output_root)
         for picture in pictures:
             for file in picture.files:
                 check_writable(file)

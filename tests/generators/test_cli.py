@@ -1,4 +1,5 @@
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -476,7 +477,7 @@ def test_generate_goes_on_with_another_memory(tmp_path, config_path, fake_render
 
     monkeypatch.setattr(fgf_warp.renderer, "render", render)
     assert fgf("generate", config_path, "--out", tmp_path / "data").exit_code == 0
-    Store(tmp_path / "data").remove("data/train/000001")
+    shutil.rmtree(tmp_path / "data/data/train/000001")
     outcome = fgf("generate", config_path, "--out", tmp_path / "data", "--memory", 0.25)
     assert outcome.exit_code == 0, outcome.output
     assert "1 of 6 samples rendered, 5 from earlier runs" in outcome.stdout
