@@ -195,7 +195,7 @@ def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings,
         UnsupportedFeatureError: for a scene that this version cannot render.
     """
     check_memory(settings, together)
-    at_once = together * int(settings.memory * GIB // (together * image_bytes(settings)))
+    at_once = together * int(memory_in_force(settings) * GIB // (together * image_bytes(settings)))
     for _, group in groupby(variants, lambda variant: required_features(scene.with_media(variant.media), settings)):
         images = list(group)
         for first in range(0, len(images), at_once):
@@ -216,16 +216,24 @@ def _summed(settings: RenderSettings) -> set[Aov]:
 
 
 def check_memory(settings: RenderSettings, images: int = 1) -> None:
-    """Checks that `settings.memory` holds these images.
+    """Checks that `settings.memory`, and on the CPU the machine's, holds these images.
 
     Raises:
         ConfigError: naming what they need.
     """
-    needed = images * image_bytes(settings) / GIB
-    if needed > settings.memory:
+    needed, most = images * image_bytes(settings) / GIB, memory_in_force(settings)
+    if needed > most:
         size = f"{settings.width} x {settings.height} pixels"
         what = f"an image of {size}" if images == 1 else f"a batch of {images} images of {size}"
-        raise ConfigError(f"{what} needs {needed:.3g} GiB; accepted: at most memory = {settings.memory:g} GiB")
+        whose = "memory" if most == settings.memory else "this machine's memory"
+        raise ConfigError(f"{what} needs {needed:.3g} GiB; accepted: at most {whose} = {most:.4g} GiB")
+
+
+def memory_in_force(settings: RenderSettings) -> float:
+    """What images may take [GiB]: as asked for, and on the CPU no more than the machine has."""
+    if settings.device != "cpu":
+        return settings.memory
+    return min(settings.memory, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / GIB)
 
 
 def begin(model: Model) -> State:

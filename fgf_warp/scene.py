@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
 from typing import Literal
 
@@ -350,13 +350,8 @@ class Medium:
 
     def _line_law(self, mean_extinction: float) -> LineLaw:
         try:
-            return build_line_law(
-                hurst=self.hurst,
-                white_noise_scale=self.white_noise_scale,
-                mean_extinction=mean_extinction,
-                outer_scale=self.outer_scale,
-                kappa=self.kappa,
-                line_variance=self.line_variance,
+            return _kept_law(
+                self.hurst, self.white_noise_scale, mean_extinction, self.outer_scale, self.kappa, self.line_variance
             )
         except ValueError as error:
             raise SceneError(f"{self.name}: {error}") from error
@@ -1023,12 +1018,9 @@ class Scene:
 
     def medium_warnings(self, index: int, medium: Medium) -> list[str]:
         """What a user should know of a medium in the place of number `index`, one sentence each."""
-        bounds = self._medium_bounds(index)
-        extent = self.medium_extent(index)
+        extent, reach = self._medium_sizes[index]
         found = medium.line_law.warnings([] if extent is None else [extent])
-        if bounds:
-            corners = np.array(bounds).reshape(-1, 3)
-            reach = float(max(np.abs(corners).max(), np.linalg.norm(corners - self.camera.position, axis=1).max()))
+        if reach is not None:
             mean_extinction = max(line.mean_extinction for line in medium.channel_laws)
             if mean_extinction * reach > RESOLVED_DEPTH:
                 found.append(
@@ -1039,8 +1031,24 @@ class Scene:
 
     def medium_extent(self, index: int) -> float | None:
         """The longest side of the bounding boxes of the shapes that a medium fills [stage unit]; None of none."""
-        extents = (high - low for low, high in self._medium_bounds(index))
-        return max((float(extent.max()) for extent in extents), default=None)
+        return self._medium_sizes[index][0]
+
+    @cached_property
+    def _medium_sizes(self) -> tuple[tuple[float | None, float | None], ...]:
+        """Of each medium its extent, and the largest coordinate in it, from the origin or the camera [stage unit].
+
+        A sweep asks for them for each of its samples.
+        """
+        found: list[tuple[float | None, float | None]] = []
+        for index in range(len(self.media)):
+            bounds = self._medium_bounds(index)
+            if not bounds:
+                found.append((None, None))
+                continue
+            corners = np.array(bounds).reshape(-1, 3)
+            reach = float(max(np.abs(corners).max(), np.linalg.norm(corners - self.camera.position, axis=1).max()))
+            found.append((max(float((high - low).max()) for low, high in bounds), reach))
+        return tuple(found)
 
     @cached_property
     def prims(self) -> tuple[str, ...]:
@@ -1101,6 +1109,12 @@ class Scene:
     def with_media(self, media: tuple[Medium, ...]) -> Scene:
         """The same scene with other media in the place of its own."""
         return replace(self, media=media)
+
+    def with_camera(self, camera: Camera) -> Scene:
+        """The same scene seen from elsewhere; `bounds` stay, which are found once for all views."""
+        moved = replace(self, camera=camera)
+        moved.__dict__["bounds"] = self.bounds
+        return moved
 
 
 def drift_of(shape: Shape) -> np.ndarray:
@@ -1191,6 +1205,26 @@ def count_open_edges(points: np.ndarray, triangles: np.ndarray) -> int:
     shared, at_forward, at_backward = np.intersect1d(forward, backward, assume_unique=True, return_indices=True)
     matched = np.minimum(forward_count[at_forward], backward_count[at_backward]).sum() if len(shared) else 0
     return int(len(edges) - matched)
+
+
+@lru_cache(64)
+def _kept_law(
+    hurst: float,
+    white_noise_scale: float,
+    mean_extinction: float,
+    outer_scale: float | None,
+    kappa: float | None,
+    line_variance: LineVariance,
+) -> LineLaw:
+    """The law of the last few parameters: the three channels of a medium mostly have one, and it is asked for again."""
+    return build_line_law(
+        hurst=hurst,
+        white_noise_scale=white_noise_scale,
+        mean_extinction=mean_extinction,
+        outer_scale=outer_scale,
+        kappa=kappa,
+        line_variance=line_variance,
+    )
 
 
 def _check_range(name: str, key: str, value: float, accepted: str, holds: Callable[[float], bool]) -> None:

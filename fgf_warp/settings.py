@@ -10,6 +10,11 @@ from fgf_warp.errors import ConfigError
 from fgf_warp.theory.choices import LINE_VARIANCES, TRANSPORTS, LineVariance, Transport
 
 SEED_MAX = 2**64 - 1
+SIZE_MAX = 2**16
+"""[pixel], of each side."""
+SPP_MAX = 2**31 - 1
+DEPTH_MAX = 2**24
+"""Scattering events."""
 UPSCALE_MAX = 8
 """Beyond it a picture is made of so few pixels that it shows little of the scene."""
 GIB = 2**30
@@ -141,20 +146,20 @@ class RenderSettings:
 
     def __post_init__(self) -> None:
         for key, lower, upper in (
-            ("width", 1, 65536),
-            ("height", 1, 65536),
-            ("spp", 1, 2**31 - 1),
+            ("width", 1, SIZE_MAX),
+            ("height", 1, SIZE_MAX),
+            ("spp", 1, SPP_MAX),
             ("seed", 0, SEED_MAX),
-            ("max_depth", 1, 2**24),
-            ("roulette_depth", 0, 2**24),
+            ("max_depth", 1, DEPTH_MAX),
+            ("roulette_depth", 0, DEPTH_MAX),
             ("upscale", 1, UPSCALE_MAX),
         ):
             value = getattr(self, key)
             if not _is_integer(value) or not lower <= value <= upper:
                 raise ConfigError(f"{key} = {value!r}; accepted: an integer in [{lower}, {upper}]")
         order = self.similarity_order
-        if order is not None and (not _is_integer(order) or not 1 <= order <= 2**24):
-            raise ConfigError(f"similarity_order = {order!r}; accepted: an integer in [1, {2**24}], or None")
+        if order is not None and (not _is_integer(order) or not 1 <= order <= DEPTH_MAX):
+            raise ConfigError(f"similarity_order = {order!r}; accepted: an integer in [1, {DEPTH_MAX}], or None")
         if self.threads is not None and (not _is_integer(self.threads) or self.threads < 1):
             raise ConfigError(f"threads = {self.threads!r}; accepted: an integer >= 1, or None")
         is_number = isinstance(self.memory, int | float) and not isinstance(self.memory, bool)

@@ -7,6 +7,7 @@ by the command that needs it.
 
 from __future__ import annotations
 
+import os
 import sys
 from io import TextIOWrapper
 from pathlib import Path
@@ -37,6 +38,7 @@ from generators.commands.generate import generate
 from generators.commands.render import render
 from generators.commands.tradeoff import tradeoff
 from generators.interrupts import listening
+from generators.wording import shortened
 
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option; it has no public name."""
@@ -64,8 +66,16 @@ class _Group(TyperGroup):
             fail(error.format_message(), EXIT_BAD_INPUT)  # type: ignore[attr-defined]
         except (CorruptFileError, NumericalError) as error:
             fail(str(error), EXIT_CORRUPT)
-        except (FgfError, OSError) as error:
+        except FgfError as error:
             fail(str(error), EXIT_BAD_INPUT)
+        except BrokenPipeError:
+            # Who reads the output, such as head, has seen enough.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            sys.exit(EXIT_PARTIAL)
+        except OSError as error:
+            fail(f"{error.filename or 'file system'}: {error.strerror or error}", EXIT_BAD_INPUT)
+        except MemoryError:
+            fail("this needs more memory than there is", EXIT_BAD_INPUT)
         sys.exit(code or 0)
 
 
@@ -263,4 +273,4 @@ def _parse_lengths(text: str | None) -> list[float] | None:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError as error:
-        raise ConfigError(f"--t {text}: accepted: numbers with commas between them") from error
+        raise ConfigError(f"--t {shortened(text)}: accepted: numbers with commas between them") from error

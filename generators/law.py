@@ -63,7 +63,8 @@ def evaluate_law(
     reach = law.longest_segment()
     t = np.array(_default_lengths(mean_extinction, reach) if lengths is None else lengths, dtype=np.float64)
     if not (np.isfinite(t) & (t >= 0)).all():
-        raise ConfigError(f"t = {', '.join(f'{value:g}' for value in t)}; accepted: finite numbers >= 0")
+        wrong = t[~(np.isfinite(t) & (t >= 0))][0]
+        raise ConfigError(f"t = {wrong:g}; accepted: finite numbers >= 0")
     u = mean_extinction * t
     if (t > reach).any():
         raise ConfigError(f"t = {t.max():g}; accepted with the exact variance: at most {reach:.6g}, where the law ends")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from fgf_warp.errors import ConfigError
 from generators.stage import check_stage
+from generators.wording import shortened
 
 if TYPE_CHECKING:
     from usd_scenes.reader import Frame, Product
@@ -64,15 +65,17 @@ def parse_frames(spec: str) -> tuple[float, ...]:
     for part in spec.split(","):
         match = FRAME_SPEC.fullmatch(part.strip())
         if match is None:
-            raise ConfigError(f"frames {spec}: accepted: frames such as 7, 1:24, 1:24x2 or 101,105:110")
+            raise ConfigError(f"--frames {shortened(spec)}: accepted: frames such as 7, 1:24, 1:24x2 or 101,105:110")
         first = float(match[1])
         last = float(match[2] or first)
         stride = float(match[3] or math.copysign(1, last - first))
         if stride == 0 or (last - first) / stride < 0:
-            raise ConfigError(f"frames {spec}: stride {stride:g}; accepted: one that leads from {first:g} to {last:g}")
+            raise ConfigError(
+                f"--frames {shortened(spec)}: stride {stride:g}; accepted: one that leads from {first:g} to {last:g}"
+            )
         count = math.floor((last - first) / stride + 10**-FRAME_DECIMALS) + 1
         if len(found) + count > FRAMES_MAX:
-            raise ConfigError(f"frames {spec}: accepted: at most {FRAMES_MAX} frames")
+            raise ConfigError(f"--frames {shortened(spec)}: accepted: at most {FRAMES_MAX} frames")
         found.extend(round(first + i * stride, FRAME_DECIMALS) for i in range(count))
     return tuple(dict.fromkeys(found))
 

@@ -6,10 +6,14 @@ import re
 from dataclasses import dataclass
 
 from fgf_warp.errors import ConfigError
+from generators.wording import shortened
 
 AUTO = "auto"
 """What such presets begin with."""
 FORMS = "auto:ERROR or auto:TIME, such as auto:1%, auto:0.5%, auto:5s or auto:2min"
+
+LENGTH_MAX = 40
+"""Characters, so that the number in it is finite."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +38,8 @@ class Wish:
             ConfigError: for anything else.
         """
         found = re.fullmatch(r"auto:(\d+(?:\.\d*)?|\.\d+)(%|s|min)", text)
-        if not found or float(found[1]) == 0:
-            raise ConfigError(f"preset {text}: accepted: {FORMS}")
+        if not found or len(text) > LENGTH_MAX or float(found[1]) == 0:
+            raise ConfigError(f"preset {shortened(text)}: accepted: {FORMS}")
         number = float(found[1])
         if found[2] != "%":
             return cls(text, time=number * (60 if found[2] == "min" else 1))

@@ -12,6 +12,8 @@ from fgf_warp.errors import OutputError
 
 PARTIAL_GLOB = f".*.{'[0-9a-f]' * 12}.partial*"
 """Matches the hidden names of files that are being written, or were when the machine stopped, and no one else's."""
+NAME_BYTES_MAX = 255 - len(f"..{uuid.uuid4().hex[:12]}.partial")
+"""Of a file: what file systems take, without what is added while it is being written."""
 
 
 @contextmanager
@@ -70,8 +72,11 @@ def check_writable(path: Path) -> None:
         path: a file that need not exist, in a folder that must.
 
     Raises:
-        OutputError: where the folder is missing or not writable, or `path` is itself a folder.
+        OutputError: where the name is too long, the folder is missing or not writable, or `path` is itself a folder.
     """
+    length = len(os.fsencode(path.name))
+    if length > NAME_BYTES_MAX:
+        raise OutputError(f"{path.name[:40]}...: is {length} bytes long; accepted: at most {NAME_BYTES_MAX}")
     probe = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:12]}.partial")
     try:
         if path.is_dir():

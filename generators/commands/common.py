@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -9,6 +11,9 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from fgf_warp.errors import ConfigError
+from fgf_warp.settings import MEMORY_MAX
+from generators.commands.numbers import number
+from generators.wording import printable, shortened
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -17,6 +22,7 @@ if TYPE_CHECKING:
 
     from usd_scenes.reader import Frame
 
+LONG_NUMBER = re.compile(r"\d{41,}")
 EXIT_BAD_INPUT, EXIT_PARTIAL, EXIT_CORRUPT, EXIT_UNEXPECTED = 2, 3, 4, 5
 
 Overrides = Annotated[
@@ -54,20 +60,25 @@ CameraPath = Annotated[
     typer.Option("--camera", "-cam", metavar="PATH", help="Camera; default: the render settings', or the first."),
 ]
 Memory = Annotated[
-    float, typer.Option(metavar="GIB", help="Most memory for the images that are rendered at once; changes no pixel.")
+    float,
+    typer.Option(
+        metavar="GIB",
+        parser=number("--memory", f"GiB > 0, at most {MEMORY_MAX}", lambda gib: 0 < gib <= MEMORY_MAX),
+        help="Most memory for the images that are rendered at once; changes no pixel.",
+    ),
 ]
 
 
 def fail(message: str, code: int) -> NoReturn:
     """Ends the program with a line on stderr."""
-    typer.echo(f"error: {message}", err=True)
+    typer.echo(f"error: {LONG_NUMBER.sub(lambda found: shortened(found[0]), printable(message))}", err=True)
     sys.exit(code)
 
 
 def warn(warnings: Sequence[str]) -> None:
     """Prints a line on stderr for each."""
     for warning in warnings:
-        typer.echo(f"warning: {warning}", err=True)
+        typer.echo(f"warning: {printable(warning)}", err=True)
 
 
 def count_of(number: int, thing: str) -> str:
@@ -82,19 +93,22 @@ def check_choice(option: str, value: str, accepted: Iterable[str]) -> None:
         ConfigError: naming the option, the value and what is accepted.
     """
     if value not in list(accepted):
-        raise ConfigError(f"{option} {value}: accepted: {', '.join(accepted)}")
+        raise ConfigError(f"{option} {shortened(value)}: accepted: {', '.join(accepted)}")
 
 
 def parse_share(option: str, text: str) -> float:
-    """A share such as 0.01 or 1%.
+    """A share such as 0.01 or 1%, in (0, 1).
 
     Raises:
-        ConfigError: naming the option, for what is no number.
+        ConfigError: naming the option, for anything else.
     """
     try:
-        return float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
-    except ValueError as error:
-        raise ConfigError(f"{option} {text}: accepted: a share such as 0.01 or 1%") from error
+        share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+    except ValueError:
+        share = math.nan
+    if not 0 < share < 1:
+        raise ConfigError(f"{option} {shortened(text)}: accepted: a share in (0, 1), such as 0.01 or 1%")
+    return share
 
 
 def choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | None]:

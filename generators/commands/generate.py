@@ -21,6 +21,7 @@ from generators.commands.common import (
     start_warp,
     warn,
 )
+from generators.commands.numbers import whole
 from generators.commands.plan import make_plan
 
 if TYPE_CHECKING:
@@ -29,6 +30,11 @@ if TYPE_CHECKING:
     from generators.running.run import Progress, Report
 
 FAILURES_SHOWN = 10
+WORKERS_MAX = 10_000
+"""And cores of each: more would only be a slip."""
+INTEGER_DIGITS = 18
+SAMPLE_MAX = 999_999
+"""As names of six digits number."""
 
 
 def generate(
@@ -46,7 +52,11 @@ def generate(
     ] = "0/1",
     sample: Annotated[
         list[int] | None,
-        typer.Option(metavar="INDEX", help="Only this sample, repeatable, such as to look at it again."),
+        typer.Option(
+            metavar="INDEX",
+            parser=whole("--sample", 0, SAMPLE_MAX),
+            help="Only this sample, repeatable, such as to look at it again.",
+        ),
     ] = None,
     executor: Annotated[
         str, typer.Option(help="Who renders: local; ray, a cluster of Ray; slurm, an array of jobs.")
@@ -55,12 +65,17 @@ def generate(
         int | None,
         typer.Option(
             metavar="N",
+            parser=whole("--workers", 1, WORKERS_MAX),
             help="Processes that render; default: local 1, with all cores; ray as many as there is room for; slurm 1.",
         ),
     ] = None,
     cores: Annotated[
         int | None,
-        typer.Option(metavar="N", help="Of each worker; default: local an equal part of all, ray and slurm 1."),
+        typer.Option(
+            metavar="N",
+            parser=whole("--cores", 1, WORKERS_MAX),
+            help="Of each worker; default: local an equal part of all, ray and slurm 1.",
+        ),
     ] = None,
     slurm: Annotated[
         list[str] | None,
@@ -129,7 +144,7 @@ def _slurm_parameters(options: list[str]) -> dict[str, str | int]:
         name, separator, value = option.partition("=")
         if not separator or not name.isidentifier():
             raise ConfigError(f"--slurm {option}: accepted: KEY=VALUE, the key an option of sbatch with _ for -")
-        parameters[name] = int(value) if value.isdecimal() else value
+        parameters[name] = int(value) if value.isdecimal() and len(value) <= INTEGER_DIGITS else value
     return parameters
 
 

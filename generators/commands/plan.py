@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -19,8 +20,8 @@ ROWS_SHOWN = 20
 VALUES_SHOWN = 9
 WIDTH_MAX = 1000
 """[character], of a table."""
-FEW_SCENES = 20
-"""That are read before one looks for a bar."""
+SILENT_SECONDS = 0.5
+"""After which one looks for a bar."""
 
 
 def plan(
@@ -76,7 +77,7 @@ def schema() -> None:
 
 
 def make_plan(config: str | Path, overrides: list[str] | None, device: str) -> tuple[LoadedConfig, Plan]:
-    """Reads a config, or that of a dataset, and plans it, with a bar where there are many scenes to read."""
+    """Reads a config, or that of a dataset, and plans it, with a bar where that takes a while."""
     from generators.dataset import layout  # noqa: PLC0415
     from generators.dataset.scene_files import config_file  # noqa: PLC0415
     from generators.dataset.store import Store  # noqa: PLC0415
@@ -86,12 +87,13 @@ def make_plan(config: str | Path, overrides: list[str] | None, device: str) -> t
     place = str(config)
     is_dataset = not Path(place).is_file() and Store(place).exists(layout.PLAN)
     loaded = load_config(config_file(place) if is_dataset else Path(place), overrides or ())
+    began = perf_counter()
     with progress_bar(counted=True) as progress:
 
-        def show(done: int, total: int) -> None:
-            if total > FEW_SCENES:
-                task = progress.task_ids[0] if progress.tasks else progress.add_task("reading scenes", total=total)
-                progress.update(task, completed=done)
+        def show(what: str, done: int, total: int) -> None:
+            if perf_counter() - began >= SILENT_SECONDS:
+                task = progress.task_ids[0] if progress.tasks else progress.add_task("")
+                progress.update(task, description=what, completed=done, total=total)
 
         return loaded, build_plan(loaded, device, show)
 

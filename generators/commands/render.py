@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from fgf_warp.errors import ConfigError, FgfError
-from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
+from fgf_warp.settings import (
+    DEPTH_MAX,
+    PRESETS,
+    SEED_MAX,
+    SIZE_MAX,
+    SPP_MAX,
+    UPSCALE_MAX,
+    USUAL_AOVS,
+    Aov,
+    RenderSettings,
+    Sampler,
+)
 from fgf_warp.theory.choices import LINE_VARIANCES, TRANSPORTS, LineVariance, Transport
 from generators.commands.common import (
     EXIT_PARTIAL,
@@ -28,6 +39,7 @@ from generators.commands.common import (
     start_warp,
     warn,
 )
+from generators.commands.numbers import number, whole
 from generators.wish import AUTO, FORMS, Wish
 
 if TYPE_CHECKING:
@@ -64,15 +76,29 @@ def render(
     ] = None,
     camera: CameraPath = None,
     width: Annotated[
-        int | None, typer.Option("--imageWidth", "-w", metavar="N", help="[pixel]; default: as the stage says, or 960.")
+        int | None,
+        typer.Option(
+            "--imageWidth",
+            "-w",
+            metavar="N",
+            parser=whole("--imageWidth", 1, SIZE_MAX),
+            help="[pixel]; default: as the stage says, or 960.",
+        ),
     ] = None,
     height: Annotated[
-        int | None, typer.Option("--imageHeight", metavar="N", help="[pixel]; default: from the aspect ratio.")
+        int | None,
+        typer.Option(
+            "--imageHeight",
+            metavar="N",
+            parser=whole("--imageHeight", 1, SIZE_MAX),
+            help="[pixel]; default: from the aspect ratio.",
+        ),
     ] = None,
     spp: Annotated[
         int | None,
         typer.Option(
             metavar="N",
+            parser=whole("--spp", 1, SPP_MAX),
             help="Samples per pixel, in place of the preset's; with --targetError or --time the most on average.",
         ),
     ] = None,
@@ -95,18 +121,25 @@ def render(
     ] = None,
     time: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="Render so long at most, beside building the kernel and denoising."),
+        typer.Option(
+            metavar="SECONDS",
+            parser=number("--time", "a finite number of seconds > 0", lambda seconds: seconds > 0),
+            help="Render so long at most, beside building the kernel and denoising.",
+        ),
     ] = None,
     preset: Annotated[
         str,
         typer.Option(help=f"{', '.join(PRESETS)}; or the cheapest settings for an error or a time: auto:1%, auto:5s."),
     ] = "balanced",
-    seed: Annotated[int, typer.Option(metavar="N", help="Equal seeds give equal pixels.")] = 0,
+    seed: Annotated[
+        int, typer.Option(metavar="N", parser=whole("--seed", 0, SEED_MAX), help="Equal seeds give equal pixels.")
+    ] = 0,
     max_depth: Annotated[
         int | None,
         typer.Option(
             "--maxDepth",
             metavar="N",
+            parser=whole("--maxDepth", 1, DEPTH_MAX),
             help="Scattering events after which a path is cut, in place of the preset's; 1 is single scattering only.",
         ),
     ] = None,
@@ -115,6 +148,7 @@ def render(
         typer.Option(
             "--similarityOrder",
             metavar="N",
+            parser=whole("--similarityOrder", 1, DEPTH_MAX),
             help="Scattering events after which a path sees the similar medium that scatters evenly; default: never.",
         ),
     ] = None,
@@ -126,7 +160,12 @@ def render(
         typer.Option("--lineVariance", help=f"Of all media, in place of their own: {', '.join(LINE_VARIANCES)}."),
     ] = None,
     upscale: Annotated[
-        int, typer.Option(metavar="N", help="Render one of so many pixels each way, and enlarge the picture.")
+        int,
+        typer.Option(
+            metavar="N",
+            parser=whole("--upscale", 1, UPSCALE_MAX),
+            help="Render one of so many pixels each way, and enlarge the picture.",
+        ),
     ] = 1,
     sampler: Annotated[
         str, typer.Option(help="lattice: less noise than the reported error says; independent: as much as it says.")

@@ -31,10 +31,16 @@ AXIS_FORMS = (*GRID_FORMS, *RANDOM_FORMS, "expression")
 SPACING_DIGITS = 12
 """Of spaced values: far below what a picture shows, far above the rounding of the spacing."""
 
+VALUES_MAX = 1_000_000
+"""Of an axis, as many as a dataset may have samples; known before one is made."""
+NUMBER_MAX = 1e100
+"""Of an axis, in size: far beyond what a scene takes, and far from where a span or a ratio is no double."""
+
 Count = Annotated[int, Field(ge=1)]
 # A YAML sequence is a list; not being strict about the sequence leaves its items strict.
-Spacing = Annotated[tuple[float, float, Count], Field(strict=False)]
-Pair = Annotated[tuple[float, float], Field(strict=False)]
+Number = Annotated[float, Field(ge=-NUMBER_MAX, le=NUMBER_MAX)]
+Spacing = Annotated[tuple[Number, Number, Annotated[int, Field(ge=1, le=VALUES_MAX)]], Field(strict=False)]
+Pair = Annotated[tuple[Number, Number], Field(strict=False)]
 
 
 def _number_or_name(found: Any) -> float | str:
@@ -89,6 +95,13 @@ class GridConfig(Model):
             if bounds is not None and min(bounds[:2]) <= 0:
                 named = "first and ratio" if form == "geometric" else "both ends"
                 raise PydanticCustomError("axis_positive", f"{form} with {named} > 0")
+            if bounds is not None and form != "geometric" and not min(bounds[:2]) >= 1 / NUMBER_MAX:
+                raise PydanticCustomError("axis_small", f"{form} with both ends >= {1 / NUMBER_MAX:g}")
+        if self.geometric is not None:
+            first, ratio, count = self.geometric
+            if abs(math.log(first) + (count - 1) * math.log(ratio)) > math.log(NUMBER_MAX):
+                last = f"a last value from {1 / NUMBER_MAX:g} to {NUMBER_MAX:g}"
+                raise PydanticCustomError("axis_last", f"geometric with {last}")
         return self
 
     @classmethod
@@ -101,6 +114,15 @@ class GridConfig(Model):
         as_keys = handler.resolve_ref_schema(handler(core))
         listed = {"type": "array", "minItems": 1, "items": {"type": ["number", "string"]}}
         return {"description": as_keys.pop("description", ""), "anyOf": [listed, as_keys]}
+
+    @property
+    def count(self) -> int:
+        """Number of values of an axis on the grid, without making them."""
+        if self.values is not None:
+            return len(self.values)
+        spacing = self.linspace or self.logspace or self.geometric
+        assert spacing is not None
+        return spacing[2]
 
     def grid_values(self) -> tuple[float | str, ...]:
         """The values of an axis on the grid, in order."""

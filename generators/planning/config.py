@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, Literal
+from functools import cached_property
+from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from fgf_warp.errors import ConfigError
 from fgf_warp.result import OVER
-from fgf_warp.settings import PRESETS, SEED_MAX, Aov, RenderSettings
+from fgf_warp.settings import PRESETS, SEED_MAX, SIZE_MAX, SPP_MAX, Aov, RenderSettings
 from generators.dataset.layout import SPLITS
-from generators.planning.axes import AxisConfig, Count, GridConfig, Model
+from generators.planning.axes import VALUES_MAX, AxisConfig, GridConfig, Model, Number
 from generators.wish import Wish
 
 AovName = Literal[
@@ -38,6 +39,10 @@ AUTO_MAX_SPP = 2**16
 """That no sample exceeds whose settings are chosen."""
 EXPOSURE_MAX = 32.0
 """[stop], either way: far beyond what a picture needs, and far from where 2^x is no float."""
+NAME_BYTES_MAX = 255
+"""Of a folder, on the usual file systems."""
+LENGTHS_MAX = 10_000
+"""Of a curve, which each sample has."""
 SHARES_ROUNDING = 1e-9
 """Of the sum of the splits' shares."""
 
@@ -45,10 +50,10 @@ SHARES_ROUNDING = 1e-9
 class ImageConfig(Model):
     """Size of the images; what is absent follows from the stage."""
 
-    width: Count | None = None
-    """[pixel]."""
-    height: Count | None = None
-    """[pixel]."""
+    width: Annotated[int, Field(ge=1, le=SIZE_MAX)] | None = None
+    """[pixel], in [1, 65536]."""
+    height: Annotated[int, Field(ge=1, le=SIZE_MAX)] | None = None
+    """[pixel], in [1, 65536]."""
 
 
 class QualityConfig(Model):
@@ -60,7 +65,7 @@ class QualityConfig(Model):
     """Over its blocks of 8 x 8 pixels, of which: mean, rms, or a percentile such as p95; the mean where absent."""
     time: Annotated[float, Field(gt=0)] | None = None
     """Wall time of one sample [s], > 0; such a dataset is not the same twice."""
-    max_spp: Annotated[int, Field(ge=4)] = PRESETS["reference"].spp
+    max_spp: Annotated[int, Field(ge=4, le=SPP_MAX)] = PRESETS["reference"].spp
     """Samples per pixel on average that none exceeds, >= 4, which are needed to tell the error."""
 
     @model_validator(mode="after")
@@ -84,10 +89,16 @@ class TargetsConfig(Model):
 
     @model_validator(mode="after")
     def _check_lengths(self) -> TargetsConfig:
-        lengths = self.transmittance.grid_values() if self.transmittance else ()
-        if not all(isinstance(length, float) and length >= 0 for length in lengths):
+        if self.transmittance is not None and self.transmittance.count > LENGTHS_MAX:
+            raise PydanticCustomError("target_lengths", f"transmittance: at most {LENGTHS_MAX} lengths")
+        if not all(isinstance(length, float) and length >= 0 for length in self.lengths):
             raise PydanticCustomError("target_lengths", "transmittance: lengths >= 0")
         return self
+
+    @cached_property
+    def lengths(self) -> tuple[float, ...]:
+        """Of the transmittance [unit]; none where it is not asked for."""
+        return cast("tuple[float, ...]", self.transmittance.grid_values()) if self.transmittance else ()
 
 
 class SplitsConfig(Model):
@@ -117,13 +128,13 @@ class SplitsConfig(Model):
 class OrbitConfig(Model):
     """The camera on a sphere, looking at its centre with its own lens; axes of these names take a value's place."""
 
-    center: Annotated[tuple[float, float, float], Field(strict=False)] = (0.0, 0.0, 0.0)
+    center: Annotated[tuple[Number, Number, Number], Field(strict=False)] = (0.0, 0.0, 0.0)
     """What the camera looks at [unit]."""
-    azimuth: float = 0.0
+    azimuth: Number = 0.0
     """Around the up axis [degree]: 0 is in front (at +z, or -y where z is up), 90 on the right (at +x)."""
-    elevation: float = 15.0
+    elevation: Number = 15.0
     """Above the horizon [degree], in (-90, 90)."""
-    distance: float | None = None
+    distance: Number | None = None
     """From the centre [unit], > 0; needed where no axis says it."""
 
 
@@ -131,7 +142,7 @@ class SweepConfig(Model):
     """A dataset."""
 
     name: Annotated[str, Field(min_length=1)]
-    """Of the dataset."""
+    """Of the dataset, and of its folder where nothing else says, so it is no path."""
     description: str = ""
     """A sentence for its card."""
     license: str = ""
@@ -151,7 +162,7 @@ class SweepConfig(Model):
     """Of the dataset, in [0, 2^64); every sample's seed and random values follow from it."""
     image: ImageConfig = ImageConfig()
     """Size of the images."""
-    spp: Count | None = None
+    spp: Annotated[int, Field(ge=1, le=SPP_MAX)] | None = None
     """Samples per pixel of every sample, in place of the preset's."""
     quality: QualityConfig | None = None
     """In place of a fixed spp: when a sample is good enough."""
@@ -174,7 +185,7 @@ class SweepConfig(Model):
     """What is swept, by column: every combination of the values, the last axis varying fastest."""
     zip: list[Annotated[list[str], Field(min_length=2)]] = Field(default_factory=list)
     """Groups of axes of equally many values that advance together, such as [[H, L]]."""
-    draws: Count = 1
+    draws: Annotated[int, Field(ge=1, le=VALUES_MAX)] = 1
     """Samples per combination, which vary faster than the axes; those of drawn axes have values of their own."""
     design: Literal["random", "latin_hypercube", "sobol"] = "random"
     """How drawn axes fill their ranges together: independently, or evenly over all samples."""
@@ -184,6 +195,15 @@ class SweepConfig(Model):
     """Shares for training, validation and testing; without them all is for training."""
     output: str | None = None
     """Folder or URL of the dataset; datasets/NAME where absent."""
+
+    @field_validator("name")
+    @classmethod
+    def _check_name(cls, name: str) -> str:
+        is_path = name in (".", "..") or any(part in name for part in ("/", "\\", "::"))
+        if is_path or not name.isprintable() or name != name.strip() or len(name.encode()) > NAME_BYTES_MAX:
+            accepted = f"the name of a folder: no path, printable, of at most {NAME_BYTES_MAX} bytes"
+            raise PydanticCustomError("name", accepted)
+        return name
 
     @field_validator("preset")
     @classmethod

@@ -21,6 +21,8 @@ def content_hash(content: Any) -> str:
 
 def canonical(value: Any) -> Any:
     """A JSON-ready form in which equal content is equal text; arrays by their hash."""
+    if value is None or type(value) in (str, int, bool):
+        return value
     if isinstance(value, np.ndarray):
         array = np.ascontiguousarray(value)
         return [str(array.dtype), array.shape, hashlib.sha256(array.tobytes()).hexdigest()]
@@ -33,6 +35,32 @@ def canonical(value: Any) -> Any:
         return {str(key): canonical(item) for key, item in value.items()}
     if isinstance(value, tuple | list):
         return [canonical(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return repr(value)
-    return value
+    return repr(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+class KeptHashes:
+    """Hashes of dataclasses that share their larger fields, whose text is kept: a camera moves, the scene does not."""
+
+    KEPT_MAX = 64
+
+    def __init__(self) -> None:
+        self._texts: dict[int, tuple[Any, str]] = {}
+
+    def of(self, value: Any) -> str:
+        """What ``content_hash(canonical(value))`` gives."""
+        texts = {"type": json.dumps(type(value).__name__)}
+        for field in fields(value):
+            if field.name != "source":
+                texts[field.name] = self._text(getattr(value, field.name))
+        whole = ", ".join(f'"{name}": {text}' for name, text in sorted(texts.items()))
+        return hashlib.sha256(f"{{{whole}}}".encode()).hexdigest()
+
+    def _text(self, part: Any) -> str:
+        kept = self._texts.get(id(part))
+        if kept is not None and kept[0] is part:
+            return kept[1]
+        text = json.dumps(canonical(part), sort_keys=True)
+        if len(self._texts) >= self.KEPT_MAX:
+            self._texts.clear()
+        self._texts[id(part)] = part, text
+        return text

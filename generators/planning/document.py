@@ -14,7 +14,6 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from fgf_warp.errors import ConfigError
 from generators.dataset.layout import scene_file
@@ -28,6 +27,8 @@ from generators.planning.config import (
     TargetsConfig,
 )
 from generators.planning.scenes import stage_name
+from generators.planning.yaml_text import TEXT_MAX, YamlTextError, parse_yaml
+from generators.wording import one_line
 
 Keys = tuple[int | str, ...]
 """Where a value is in a document."""
@@ -44,6 +45,10 @@ MODELS: dict[Keys, type[BaseModel]] = {
     ("targets", "transmittance"): GridConfig,
 }
 """What may have which keys in the config of a dataset; all else is an axis."""
+OVERRIDE_KEYS_MAX = 10
+"""Of an override; a config needs 5."""
+OVERRIDE_SHOWN, KEY_SHOWN = 200, 60
+"""Characters of an override and of a key in a message."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +79,8 @@ class LoadedConfig:
             text: what is wrong.
         """
         there = _keys_in(self.document, keys)
-        return ConfigError(f"{_origin(there, self.path, self.document, self.overridden)}: {_joined(keys)}: {text}")
+        where = _origin(there, self.path, self.document, self.overridden)
+        return ConfigError(f"{where}: {_joined(keys)}: {one_line(text)}")
 
     def to_bytes(self) -> bytes:
         """The config in force as a dataset keeps it: its stages are the dataset's own, and what they were is told."""
@@ -131,16 +137,14 @@ def read_document(path: Path, model: type[BaseModel]) -> CommentedMap:
         ConfigError: where it cannot be read, is not valid YAML, or no mapping.
     """
     try:
-        document = YAML().load(path.read_text(encoding="utf-8"))
+        document = parse_yaml(_read_text(path))
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: is not a text file in UTF-8") from error
-    except MarkedYAMLError as error:
-        line = f":{error.problem_mark.line + 1}" if error.problem_mark else ""
-        raise ConfigError(f"{path}{line}: not valid YAML: {error.problem}") from error
-    except YAMLError as error:
-        raise ConfigError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
+    except YamlTextError as error:
+        line = "" if error.line is None else f":{error.line}"
+        raise ConfigError(f"{path}{line}: {error}") from error
     if not isinstance(document, CommentedMap):
         keys = ", ".join(model.model_fields)
         raise ConfigError(f"{path}: found {shown(document)}; accepted: a mapping with the keys {keys}")
@@ -178,6 +182,16 @@ def validate_document(
         raise ConfigError(_explain(error.errors()[0], path, document, overridden, model_at)) from error
 
 
+def _read_text(path: Path) -> str:
+    """No device or pipe, which may never end."""
+    if path.exists() and not path.is_file():
+        raise ConfigError(f"{path}: is no file; accepted: a file with YAML in it")
+    size = path.stat().st_size
+    if size > 4 * TEXT_MAX:  # As UTF-8 has it at most.
+        raise ConfigError(f"{path}: is {size} bytes long; accepted: at most {TEXT_MAX} characters")
+    return path.read_text(encoding="utf-8")
+
+
 def nearest(found: str, names: Iterable[str]) -> str:
     """``did you mean NAME? `` where one is near, else nothing."""
     listed = list(names)
@@ -188,8 +202,7 @@ def nearest(found: str, names: Iterable[str]) -> str:
 
 def shown(value: Any) -> str:
     """A value for a message, cut where it is long."""
-    text = "nothing" if value is None else repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return one_line("nothing" if value is None else repr(value), 60)
 
 
 def _model_at(keys: Keys) -> type[BaseModel]:
@@ -200,19 +213,23 @@ def _apply_override(document: CommentedMap, override: str) -> Keys:
     """Sets the value in the document; returns its key path."""
     dotted, separator, text = override.partition("=")
     keys = tuple(dotted.strip().split("."))
-    if not separator or not all(keys):
-        raise ConfigError(f"--set {override}: accepted: KEY=VALUE, with dots between nested keys")
+    if not separator or not all(keys) or len(keys) > OVERRIDE_KEYS_MAX:
+        raise ConfigError(f"{_set(override)}: accepted: KEY=VALUE, with dots between nested keys")
     try:
-        value = YAML().load(text)
-    except YAMLError as error:
-        raise ConfigError(f"--set {override}: the value is not valid YAML") from error
+        value = parse_yaml(text)
+    except YamlTextError as error:
+        raise ConfigError(f"{_set(override)}: {error}") from error
     node = document
     for depth, key in enumerate(keys[:-1], start=1):
         node = node.setdefault(key, CommentedMap())
         if not isinstance(node, CommentedMap):
-            raise ConfigError(f"--set {override}: {'.'.join(keys[:depth])} is {shown(node)}, which has no keys")
+            raise ConfigError(f"{_set(override)}: {_joined(keys[:depth])} is {shown(node)}, which has no keys")
     node[keys[-1]] = value
     return keys
+
+
+def _set(override: str) -> str:
+    return f"--set {one_line(override, OVERRIDE_SHOWN)}"
 
 
 def _plain(node: Any) -> Any:
@@ -269,13 +286,14 @@ def _dotted(location: Sequence[int | str], keys: Keys) -> str:
 
 
 def _joined(keys: Keys) -> str:
-    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys).removeprefix(".")
+    parts = (f"[{key}]" if isinstance(key, int) else f".{one_line(key, KEY_SHOWN)}" for key in keys)
+    return "".join(parts).removeprefix(".")
 
 
 def _origin(keys: Keys, path: Path, document: CommentedMap, overridden: Mapping[Keys, str]) -> str:
     for override_keys, override in overridden.items():
         if keys[: len(override_keys)] == override_keys:
-            return f"--set {override}"
+            return _set(override)
     node: Any = document
     line = 0
     for key in keys:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -49,7 +50,9 @@ PARTS = (
 )
 """Of an expression, beside operators, constants and calls."""
 LENGTH_MAX = 1000
-"""Characters of an expression; far below where nesting could exhaust the parser."""
+"""Characters of an expression."""
+DEPTH_MAX = 100
+"""Of operations inside each other, as in a sum of so many terms; far below what would exhaust Python's stack."""
 
 
 class Expression:
@@ -63,14 +66,18 @@ class Expression:
     """
 
     def __init__(self, text: str) -> None:
-        self.text = text
+        self.text = " ".join(text.split())
+        if len(text) > LENGTH_MAX:
+            raise ConfigError(f"found {text[:60]!r} and more; accepted: at most {LENGTH_MAX} characters")
         try:
-            if len(text) > LENGTH_MAX:
-                raise SyntaxError
-            self._tree = ast.parse(text.strip(), mode="eval").body
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # Of what reads like a slip in Python.
+                self._tree = ast.parse(text.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             accepted = "an expression of axes, such as 'H < 0 or L > 1'"
             raise ConfigError(f"found {text[:60]!r}; accepted: {accepted}") from error
+        if _depth(self._tree) > DEPTH_MAX:
+            raise ConfigError(f"found {text[:60]!r} and more; accepted: at most {DEPTH_MAX} operations in each other")
         for node in ast.walk(self._tree):
             _check_node(node)
         called = {node.func for node in ast.walk(self._tree) if isinstance(node, ast.Call)}
@@ -110,6 +117,14 @@ class Expression:
             return _evaluate(self._tree, {**CONSTANTS, **values})
         except (ArithmeticError, ValueError, TypeError) as error:
             raise ConfigError(f"{self.text} has no value: {error}") from error
+
+
+def _depth(tree: ast.AST) -> int:
+    """Levels of nodes, without going down as many calls."""
+    depth, level = 0, [tree]
+    while level:
+        depth, level = depth + 1, [child for node in level for child in ast.iter_child_nodes(node)]
+    return depth
 
 
 def _check_node(node: ast.AST) -> None:

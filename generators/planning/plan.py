@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -19,19 +19,20 @@ from generators.planning.digest import content_hash
 from generators.planning.document import LoadedConfig
 from generators.planning.resolve import Axis, Sweep, resolve, touches_medium
 from generators.planning.sampling import (
+    TOLD_EVERY,
     Parameters,
+    Progress,
     assign_splits,
     described,
     position_count,
     sample_parameters,
-    sample_seed,
+    sample_seeds,
 )
 from generators.planning.scenes import Key, Recipe, SceneReader, stage_name
 from generators.planning.targets import MEDIUM_FIELDS
 from generators.stage import BaseScene
 from generators.tradeoff.front import read_front
 
-Progress = Callable[[int, int], None]
 PHASE_PARAMETERS = ("back_asymmetry", "back_weight", "draine_alpha")
 WARNINGS_SHOWN = 5
 
@@ -119,7 +120,7 @@ def build_plan(loaded: LoadedConfig, device: str = "cpu", progress: Progress | N
     Args:
         loaded: the dataset's config.
         device: to render on. CPU and CUDA round differently, so a dataset is made on one kind.
-        progress: called with the number of scenes read, and of all.
+        progress: called now and then with what is being done, of how many samples, and of all.
 
     Raises:
         ConfigError: for axes that contradict each other or the stage, or a sample out of the law's domain, by index
@@ -128,17 +129,19 @@ def build_plan(loaded: LoadedConfig, device: str = "cpu", progress: Progress | N
     """
     config = loaded.config
     sweep = resolve(loaded)
-    parameters = sample_parameters(loaded, sweep)
+    tell = progress or (lambda what, done, total: None)
+    parameters = sample_parameters(loaded, sweep, tell)
     try:
         splits = assign_splits(config.splits, config.seed, parameters)
     except ConfigError as error:
         raise loaded.error(("splits",), str(error)) from error
     scenes = SceneReader(_recipe(loaded, sweep))
-    survey = _survey(loaded, sweep, scenes, parameters, progress or (lambda done, total: None))
+    survey = _survey(loaded, sweep, scenes, parameters, tell)
+    seeds = sample_seeds(config.seed, range(len(parameters)))
     samples = tuple(
-        Sample(index, split, values, sample_seed(config.seed, index), medium, scene)
-        for index, (split, values, medium, scene) in enumerate(
-            zip(splits, parameters, survey.media, survey.scenes, strict=True)
+        Sample(index, split, values, seed, medium, scene)
+        for index, (split, values, seed, medium, scene) in enumerate(
+            zip(splits, parameters, seeds, survey.media, survey.scenes, strict=True)
         )
     )
     settings = config.render_settings(*survey.size, device)
@@ -252,19 +255,23 @@ def _survey(
     sizes: dict[tuple[int, int], int] = {}
     hashes = [""] * len(parameters)
     of_scenes, of_media = dict[str, None](), dict[str, int]()
-    for read, (key, indices) in enumerate(groups.items(), start=1):
+    done = 0
+    for key, indices in groups.items():
         base, found = _read(loaded, sweep, scenes, key, indices[0], parameters)
         sizes.setdefault((base.width, base.height), indices[0])
-        progress(read, len(groups))
         of_scenes |= dict.fromkeys(base.warnings)
         place = _medium_index(loaded, sweep, base.scene)
         for index in indices:
+            if index == indices[0] or done % TOLD_EVERY == 0:
+                progress("reading scenes", done, len(parameters))
+            done += 1
             hashes[index] = found
             if place is None:
                 continue
             media[index] = medium = _medium(loaded, sweep, base.scene, place, index, parameters[index])
             for warning in base.scene.medium_warnings(place, medium):
                 of_media.setdefault(warning, index)
+    progress("reading scenes", done, len(parameters))
     if len(sizes) > 1:
         found = " and ".join(f"{width} x {height} (sample {index})" for (width, height), index in sizes.items())
         raise ConfigError(f"{loaded.path}: images of {found}; accepted: one size, as by image.width and image.height")
@@ -341,9 +348,9 @@ def _medium(loaded: LoadedConfig, sweep: Sweep, scene: Scene, place: int, index:
 
 def _check_lengths(config: SweepConfig, medium: Medium) -> None:
     """Refuses a transmittance curve that goes on where the law ends."""
-    if config.targets.transmittance:
-        longest, reach = max(config.targets.transmittance.grid_values()), medium.line_law.longest_segment()
-        if longest > reach:  # type: ignore[operator]
+    if config.targets.lengths:
+        longest, reach = max(config.targets.lengths), medium.line_law.longest_segment()
+        if longest > reach:
             raise SceneError(f"targets.transmittance: t = {longest:g}; accepted: at most {reach:g}, where the law ends")
 
 
@@ -376,8 +383,8 @@ def _meta(loaded: LoadedConfig, sweep: Sweep, survey: _Survey, settings: RenderS
     config = loaded.config
     names = {medium.name: None for medium in survey.media if medium is not None}
     targets: dict[str, Any] = {}
-    if config.targets.transmittance:
-        targets["transmittance"] = {"t": list(config.targets.transmittance.grid_values())}
+    if config.targets.lengths:
+        targets["transmittance"] = {"t": list(config.targets.lengths)}
     if config.targets.mean_free_path:
         targets["mean_free_path"] = True
     return PlanMeta(

@@ -165,16 +165,16 @@ def _factors(loaded: LoadedConfig, axes: Mapping[str, Axis]) -> tuple[tuple[Axis
         _check_names(loaded, ("zip", place), names, axes)
         group = tuple(axes[name] for name in names)
         for axis in group:
-            if axis.values is None:
+            if not axis.config.is_on_grid:
                 text = f"{axis.name} has no values in order; accepted: {', '.join(GRID_FORMS)}"
                 raise loaded.error(("zip", place), text)
             if axis.name in zipped or names.count(axis.name) > 1:
                 raise loaded.error(("zip", place), f"{axis.name} is named twice")
-        if len({len(axis.values or ()) for axis in group}) > 1:
-            counts = ", ".join(f"{axis.name} has {len(axis.values or ())}" for axis in group)
+        if len({axis.config.count for axis in group}) > 1:
+            counts = ", ".join(f"{axis.name} has {axis.config.count}" for axis in group)
             raise loaded.error(("zip", place), f"{counts} values; accepted: equally many")
         zipped |= dict.fromkeys(names, group)
-    on_grid = (zipped.get(axis.name, (axis,)) for axis in axes.values() if axis.values is not None)
+    on_grid = (zipped.get(axis.name, (axis,)) for axis in axes.values() if axis.config.is_on_grid)
     return tuple(dict.fromkeys(on_grid))
 
 

@@ -26,14 +26,20 @@ import numpy as np
 
 from fgf_warp.errors import ConfigError
 from generators.dataset.layout import SPLITS
+from generators.planning.axes import VALUES_MAX
 from generators.planning.config import SplitsConfig
 from generators.planning.document import LoadedConfig
 from generators.planning.resolve import Axis, Sweep
+from generators.planning.seeds import seed_words
 
 Parameters = dict[str, float | str]
 """Values of the axes, in their order, by column."""
 
-SAMPLES_MAX = 1_000_000
+Progress = Callable[[str, int, int], None]
+"""Is called with what is being done, how much of it is done, and how much there is."""
+TOLD_EVERY = 1000
+"""Positions, of which a progress is told."""
+SAMPLES_MAX = VALUES_MAX
 """As many as names of six digits number."""
 DESIGN_KEY = 2**31
 """Before the key of a design's randomness: far above all numbers of samples."""
@@ -41,16 +47,26 @@ DESIGN_KEY = 2**31
 
 def sample_seed(dataset_seed: int, index: int) -> int:
     """Seed of a sample, in [0, 2^63); the module says how."""
-    return _word(dataset_seed, index) >> 1
+    return sample_seeds(dataset_seed, [index])[0]
+
+
+def sample_seeds(dataset_seed: int, indices: Sequence[int]) -> list[int]:
+    """Seeds of samples, in their order."""
+    return (seed_words(dataset_seed, indices) >> np.uint64(1)).tolist()
 
 
 def position_count(sweep: Sweep, draws: int) -> int:
     """Number of combinations, times the draws."""
-    return math.prod(len(factor[0].values or ()) for factor in sweep.factors) * draws
+    return math.prod(factor[0].config.count for factor in sweep.factors) * draws
 
 
-def sample_parameters(loaded: LoadedConfig, sweep: Sweep) -> list[Parameters]:
+def sample_parameters(loaded: LoadedConfig, sweep: Sweep, progress: Progress) -> list[Parameters]:
     """The parameters of every sample, by index.
+
+    Args:
+        loaded: the dataset's config.
+        sweep: its axes.
+        progress: called now and then.
 
     Raises:
         ConfigError: for too many samples, a constraint that none meets, or an expression without a value.
@@ -59,12 +75,14 @@ def sample_parameters(loaded: LoadedConfig, sweep: Sweep) -> list[Parameters]:
     count = position_count(sweep, config.draws)
     if count > SAMPLES_MAX:
         raise ConfigError(f"{loaded.path}: {count} samples; accepted: at most {SAMPLES_MAX}")
-    quantile = _quantiles(loaded, sweep, count)
+    quantiles = _quantiles(loaded, sweep, count).tolist()
     found = []
     for position, on_grid in enumerate(_cells(sweep, config.draws)):
+        if position % TOLD_EVERY == 0:
+            progress("placing samples", position, count)
         values = dict(on_grid)
-        for column, axis in enumerate(sweep.drawn):
-            values[axis.name] = axis.config.value_at(quantile(position, column))
+        for axis, quantile in zip(sweep.drawn, quantiles[position], strict=True):
+            values[axis.name] = axis.config.value_at(quantile)
         try:
             for axis in sweep.dependent:
                 assert axis.expression is not None
@@ -142,25 +160,20 @@ def _steps(factor: Sequence[Axis]) -> list[Parameters]:
     return [dict(zip(names, row, strict=True)) for row in rows]
 
 
-def _quantiles(loaded: LoadedConfig, sweep: Sweep, count: int) -> Callable[[int, int], float]:
-    """The quantile, in [0, 1), at a position and for the drawn axis of a number."""
+def _quantiles(loaded: LoadedConfig, sweep: Sweep, count: int) -> np.ndarray:
+    """(count, drawn axes), each in [0, 1)."""
     seed, design = loaded.config.seed, loaded.config.design
     if design == "random":
-        return lambda position, column: _quantile(seed, position, sweep.drawn[column].name)
+        positions = np.arange(count)
+        # By the first 53 bits: as many as a double holds.
+        columns = [
+            (seed_words(seed, positions, axis.name.encode("ascii")) >> np.uint64(11)) * 2.0**-53 for axis in sweep.drawn
+        ]
+        return np.stack(columns, axis=1) if columns else np.empty((count, 0))
     from scipy.stats import qmc  # noqa: PLC0415 - slow to import
 
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(DESIGN_KEY, *design.encode("ascii"))))
     make = qmc.Sobol if design == "sobol" else qmc.LatinHypercube
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # The plan itself warns of counts that are no powers of 2.
-        points = make(len(sweep.drawn), rng=generator).random(count)
-    return lambda position, column: float(points[position, column])
-
-
-def _quantile(dataset_seed: int, position: int, axis: str) -> float:
-    """In [0, 1), by the first 53 bits: as many as a double holds."""
-    return (_word(dataset_seed, position, *axis.encode("ascii")) >> 11) * 2.0**-53
-
-
-def _word(dataset_seed: int, *key: int) -> int:
-    return int(np.random.SeedSequence(dataset_seed, spawn_key=key).generate_state(1, np.uint64)[0])
+        return make(len(sweep.drawn), rng=generator).random(count)

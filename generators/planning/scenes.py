@@ -16,7 +16,7 @@ from fgf_warp.errors import ConfigError
 from fgf_warp.scene import Camera
 from generators.dataset.scene_files import scene_folder
 from generators.planning.config import OrbitConfig
-from generators.planning.digest import canonical, content_hash
+from generators.planning.digest import KeptHashes
 from generators.planning.targets import Target
 from generators.stage import BaseScene, load_scene
 
@@ -101,7 +101,7 @@ class Recipe:
         named = zip(self.targets.values(), key, strict=True)
         place: dict[str, Any] = {target.name: value for target, value in named if target.kind == "orbit"}
         camera = orbiting(base.scene.camera, self.orbit, base.up_axis, **place)
-        return replace(base, scene=replace(base.scene, camera=camera))
+        return replace(base, scene=base.scene.with_camera(camera))
 
 
 class SceneReader:
@@ -115,6 +115,7 @@ class SceneReader:
         self.recipe = recipe
         self._lock = threading.Lock()
         self._open: OpenStages | None = None
+        self._hashes = KeptHashes()
         self._stage = lru_cache(SCENES_KEPT)(self._read_stage)
         self._scene = lru_cache(SCENES_KEPT)(self._read)
 
@@ -139,7 +140,7 @@ class SceneReader:
 
     def _read(self, key: Key) -> tuple[BaseScene, str]:
         base = self.recipe.put_camera(self._stage(self.recipe.stage_key(key)), key)
-        return base, content_hash(canonical(base.scene))
+        return base, self._hashes.of(base.scene)
 
     def _read_stage(self, stage_key: Key) -> BaseScene:
         from usd_scenes.reader import OpenStages  # noqa: PLC0415 - USD is slow to import
@@ -188,8 +189,11 @@ def orbiting(
     if distance is None or not distance > 0:
         raise ConfigError(f"distance = {distance}; accepted: > 0")
     around, above = math.radians(azimuth), math.radians(elevation)
-    up, front = (np.eye(3)[2], -np.eye(3)[1]) if up_axis == "Z" else (np.eye(3)[1], np.eye(3)[2])
-    level = math.cos(around) * front + math.sin(around) * np.eye(3)[0]
+    across, second, third = np.eye(3)
+    up, front = (third, -second) if up_axis == "Z" else (second, third)
+    level = math.cos(around) * front + math.sin(around) * across
     center = np.array(orbit.center)
     eye = center + distance * (math.cos(above) * level + math.sin(above) * up)
+    if not 0 < np.linalg.norm(eye - center) < math.inf:
+        raise ConfigError(f"distance = {distance:g}; accepted: one that is seen beside center = {list(orbit.center)}")
     return replace(camera, camera_to_world=look_at(eye, center, up), closing=None)

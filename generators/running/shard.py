@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from fgf_warp.errors import ConfigError
 from generators.running.messages import Chunk
+from generators.wording import shortened
 
 if TYPE_CHECKING:
     from generators.planning.plan import Plan, Sample
@@ -41,9 +42,9 @@ class Shard:
         Raises:
             ConfigError: for anything else.
         """
-        found = re.fullmatch(r"(\d+)/(\d+)", text.strip())
+        found = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text.strip())
         if not found:
-            raise ConfigError(f"shard {text!r}: accepted: i/n with 0 <= i < n, such as 0/4")
+            raise ConfigError(f"shard {shortened(text)}: accepted: i/n with 0 <= i < n, such as 0/4")
         return cls(int(found[1]), int(found[2]))
 
     @property

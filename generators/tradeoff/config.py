@@ -7,35 +7,38 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, model_validator
+from pydantic_core import PydanticCustomError
 from ruamel.yaml.comments import CommentedMap
 
 from fgf_warp.errors import ConfigError
 from fgf_warp.scene import Medium
-from fgf_warp.settings import PRESETS, UPSCALE_MAX, Aov, RenderSettings
+from fgf_warp.settings import DEPTH_MAX, PRESETS, SPP_MAX, UPSCALE_MAX, Aov, RenderSettings
 from fgf_warp.theory.choices import LineVariance, Transport
-from generators.planning.axes import Count, Model
+from generators.planning.axes import Model
 from generators.planning.document import Keys, read_document, validate_document
 from generators.planning.targets import MEDIUM_FIELDS
 from generators.tradeoff.front import BASE
 from generators.tradeoff.metrics import REPLICATES_MIN
 
 SIZE_MAX = 1024
-"""[pixel]: all images of a rung are held at once."""
+"""[pixel]."""
+PIXELS_MAX = 2**26
+"""Of all images of a rung, which are held at once: 800 MB of each plane."""
 
 
 class RungConfig(Model):
     """A choice of settings; what is absent is as in the preset ``balanced``."""
 
-    spp: Count | None = None
+    spp: Annotated[int, Field(ge=1, le=SPP_MAX)] | None = None
     """Samples per pixel."""
     sampler: Literal["lattice", "independent"] | None = None
     """Where random numbers come from."""
-    max_depth: Count | None = None
+    max_depth: Annotated[int, Field(ge=1, le=DEPTH_MAX)] | None = None
     """Bound on the number of scattering events; 1 is single scattering."""
-    roulette_depth: Annotated[int, Field(ge=0)] | None = None
+    roulette_depth: Annotated[int, Field(ge=0, le=DEPTH_MAX)] | None = None
     """Scattering events before Russian roulette."""
-    similarity_order: Count | None = None
+    similarity_order: Annotated[int, Field(ge=1, le=DEPTH_MAX)] | None = None
     """Scattering events before a medium is replaced by the similar one that scatters evenly; left out of pairs where
     all media scatter evenly."""
     transport: Transport | None = None
@@ -155,6 +158,12 @@ class TradeoffConfig(Model):
     """Independent images of each rung, >= 4: their spread is the noise."""
     ladder: dict[str, RungConfig] = Field(default_factory=dict)
     """Settings to measure, by name; where absent, each knob on its own."""
+
+    @model_validator(mode="after")
+    def _check_pixels(self) -> TradeoffConfig:
+        if self.size**2 * self.replicates > PIXELS_MAX:
+            raise PydanticCustomError("pixels", f"size^2 times replicates of at most {PIXELS_MAX}, held at once")
+        return self
 
     @property
     def rungs(self) -> Mapping[str, RungConfig]:

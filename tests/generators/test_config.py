@@ -1,3 +1,5 @@
+import json
+
 import pytest
 
 from fgf_warp.errors import ConfigError
@@ -91,12 +93,58 @@ BASE = "name: a\nscene: s.usda\n"
         ("aovs: [dept]\n", r"aovs\[0\]: found 'dept'"),
         ("name: b\n", "config.yaml:3: not valid YAML: .*duplicate"),
         ("axes: [1\n", "config.yaml:.: not valid YAML"),
+        ("axes: {H: {linspace: [0, 1, 20000000]}}\n", r"axes.H.linspace\[2\]: found 20000000; .* equal to 1000000"),
+        ("axes: {H: {logspace: [1, 2, 1000000000]}}\n", r"axes.H.logspace\[2\]: found 1000000000; accepted: less"),
+        ("axes: {L: {geometric: [1, 10, 400]}}\n", "axes.L: .* geometric with a last value from 1e-100 to 1e\\+100"),
+        ("axes: {L: {linspace: [-1e300, 1e300, 3]}}\n", r"axes.L.linspace\[0\]: found -1e\+300; accepted: greater"),
+        ("axes: {L: {uniform: [0, 1e300]}}\n", r"axes.L.uniform\[1\]: found 1e\+300; accepted: less"),
+        ("axes: {L: {loguniform: [1e-320, 1]}}\n", "axes.L: .* loguniform with both ends >= 1e-100"),
+        ("draws: 1000000000\n", "draws: found 1000000000; accepted: less than or equal to 1000000"),
+        ("spp: 4000000000\n", "spp: found 4000000000; accepted: less than or equal to 2147483647"),
+        ("image: {width: 65537}\n", "image.width: found 65537; accepted: less than or equal to 65536"),
+        ("targets: {transmittance: {linspace: [0, 1, 10001]}}\n", "targets: found .* at most 10000 lengths"),
+        (
+            f"axes: {{L: {{expression: '{'-' * 400}1'}}}}\n",
+            "axes.L.expression: found '-+' and more; accepted: at most 100",
+        ),
+        (f"axes: {{{'x' * 500}: [1]}}\n", r"axes.x{57}\.\.\.: no such parameter to sweep"),
     ],
 )
 def test_error_says_where_what_and_what_instead(write_config, lines, message):
     with pytest.raises(ConfigError, match=message) as caught:
         resolve(load_config(write_config(BASE + lines)))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "a/b",
+        "/a",
+        "..",
+        ".",
+        "../a",
+        "a\\b",
+        "zip::x",
+        "s3://x",
+        " a",
+        "a ",
+        "a\nb",
+        "n" * 256,
+        "é" * 128,
+        "",
+        "\u202e",
+    ],
+)
+def test_a_name_is_no_path(write_config, name):
+    with pytest.raises(ConfigError, match=r"config.yaml:1: name: found .* accepted: ") as caught:
+        load_config(write_config(f"name: {json.dumps(name)}\nscene: s.usda\n"))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["a", "Clouds: 2026", ".a", "a..b", "é" * 127, "n" * 255, "雲"])
+def test_a_name_may_be_what_a_folder_is_called(write_config, name):
+    assert load_config(write_config(f"name: {json.dumps(name)}\nscene: s.usda\n")).config.name == name
 
 
 def test_missing_key_is_named(write_config):
@@ -126,7 +174,7 @@ def test_missing_file_is_refused(tmp_path):
         ("image.wdth=3", r"--set image.wdth=3: image.wdth: unknown key; did you mean width\?"),
         ("axes.Q=[1]", "--set axes.Q=.*: axes.Q: no such parameter to sweep"),
         ("name.x=3", "--set name.x=3: name is 'a', which has no keys"),
-        ("axes=[", "--set axes=.: the value is not valid YAML"),
+        ("axes=[", "--set axes=.: not valid YAML: "),
     ],
 )
 def test_override_errors_name_the_override(write_config, override, message):

@@ -90,6 +90,13 @@ def test_what_has_no_number_is_refused(text, message):
         Expression(text).number({"H": -0.5, "look": "bright"})
 
 
+def test_a_sum_of_many_terms_has_a_value_and_of_too_many_is_refused():
+    assert Expression("+".join(["H"] * 90)).number({"H": -0.5}) == -45
+    for deep in ("+".join(["H"] * 200), "-" * 200 + "H", "not " * 200 + "(H < 0)", "max(" * 110 + "H" + ")" * 110):
+        with pytest.raises(ConfigError, match=r"accepted: at most 100 operations|an expression of axes"):
+            Expression(deep)
+
+
 def test_a_condition_must_be_true_or_false():
     with pytest.raises(ConfigError, match=r"is -0\.5; accepted: a comparison"):
         Expression("H").holds({"H": -0.5})

@@ -12,9 +12,13 @@ import usd_scenes.reader
 from fgf_warp.errors import ConfigError, SceneError
 from fgf_warp.theory.law import build_line_law
 from generators.dataset.plan_table import read_plan
+from generators.planning.config import OrbitConfig
+from generators.planning.digest import KeptHashes, canonical, content_hash
 from generators.planning.document import load_config
 from generators.planning.plan import build_plan
-from generators.planning.sampling import sample_seed
+from generators.planning.sampling import sample_seed, sample_seeds
+from generators.planning.scenes import orbiting
+from generators.planning.seeds import seed_words
 from tests.scenes import furnace
 from usd_scenes.reader import StageReading
 
@@ -193,13 +197,36 @@ def test_seeds_are_as_documented_and_all_differ():
     for dataset_seed in (0, 1, 2**64 - 1):
         expected = np.random.SeedSequence(dataset_seed, spawn_key=(3,)).generate_state(1, np.uint64)[0]
         assert sample_seed(dataset_seed, 3) == int(expected) >> 1
-    seeds = {sample_seed(dataset_seed, index) for dataset_seed in range(20) for index in range(500)}
+    seeds = {seed for dataset_seed in range(20) for seed in sample_seeds(dataset_seed, range(500))}
     assert len(seeds) == 20 * 500
 
 
 def test_seeds_of_a_few_samples_are_these():
     # Held here so that a new version of NumPy cannot change what an old config makes.
     assert [sample_seed(0, index) for index in range(2)] == [8668861027912758289 // 2, 4881901421217228719 // 2]
+
+
+@pytest.mark.parametrize("dataset_seed", [0, 5, 2**32, 2**64 - 1])
+@pytest.mark.parametrize("suffix", [b"", b"H", b"sigma_m"])
+def test_seeds_by_columns_are_those_of_numpy(dataset_seed, suffix):
+    one_by_one = [np.random.SeedSequence(dataset_seed, spawn_key=(index, *suffix)) for index in (0, 1, 77, 999_999)]
+    expected = [int(sequence.generate_state(1, np.uint64)[0]) for sequence in one_by_one]
+    assert seed_words(dataset_seed, [0, 1, 77, 999_999], suffix).tolist() == expected
+
+
+def test_hashes_by_parts_are_those_of_the_whole(scene):
+    hashes = KeptHashes()
+    for azimuth in (0.0, 30.0):
+        moved = scene.with_camera(orbiting(scene.camera, OrbitConfig(distance=4.0, azimuth=azimuth), "Y"))
+        assert hashes.of(moved) == content_hash(canonical(moved))
+
+
+def test_a_plan_tells_how_far_it_is(config_path):
+    told = []
+    plan = build_plan(load_config(config_path), progress=lambda *told_now: told.append(told_now))
+    count = len(plan.samples)
+    assert told[0] == ("placing samples", 0, count)
+    assert told[-1] == ("reading scenes", count, count)
 
 
 def test_random_values_depend_on_seed_index_and_axis_alone(plan_of):

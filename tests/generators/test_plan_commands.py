@@ -5,6 +5,7 @@ import jsonschema
 import pytest
 from ruamel.yaml import YAML
 
+from generators.commands import plan as planning
 from generators.planning.template import TEMPLATE
 from tests.generators.test_cli import assert_refused, fgf
 
@@ -22,6 +23,13 @@ def test_plan_tells_of_axes_splits_and_what_is_left_out(config_path):
     assert "8 more are left out" in outcome.stdout
     assert "8 for train, 8 for test" in outcome.stdout
     assert "warning: 24 samples of a Sobol sequence" in outcome.stderr
+
+
+def test_a_long_plan_shows_a_bar(config_path, monkeypatch):
+    assert "reading scenes" not in fgf("plan", config_path).stderr
+    monkeypatch.setattr(planning, "SILENT_SECONDS", 0)
+    assert "reading scenes" in fgf("plan", config_path).stderr
+    assert "reading scenes" in fgf("validate", config_path).stderr
 
 
 def test_init_writes_a_config_that_can_be_planned(tmp_path, monkeypatch):

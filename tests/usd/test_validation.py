@@ -151,7 +151,7 @@ def test_nothing_is_found_in_a_stage_where_nothing_is_wrong(find) -> None:
             "33 shapes are filled with media, each instance by itself; accepted: at most 32",
         ),
         (
-            'def Sphere "Ball"\n{\n    double radius = -1\n}\n',
+            medium_sphere("").replace("{", "{\n    double radius = -1", 1),
             {},
             ("error", "/Ball.radius", "Refused"),
             "radius = -1; accepted: > 0",
@@ -228,7 +228,8 @@ def test_all_values_of_a_medium_that_are_wrong_are_told(find) -> None:
 
 def test_problems_of_several_prims_are_all_told(find) -> None:
     ball = 'def Sphere "Ball{0}"\n{{\n    double radius = -{0}\n}}\n'
-    assert [finding.path for finding in find(ball.format(1) + ball.format(2))] == ["/Ball1.radius", "/Ball2.radius"]
+    found = [finding.path for finding in find(ball.format(1) + ball.format(2) + 'def Sphere "Whole"\n{\n}\n')]
+    assert found == ["/Ball1.radius", "/Ball2.radius"]
 
 
 def test_a_room_with_a_lamp_is_no_prison(find) -> None:

@@ -12,12 +12,12 @@ from pxr import Tf, Usd, UsdGeom, UsdShade, UsdSkel
 from fgf_warp.errors import FgfError, SceneError
 from fgf_warp.scene import Camera, Light, Medium, Scene, Shape
 from usd_scenes import schema
-from usd_scenes.reader.camera import as_asked, choose_camera, default_camera, read_camera, read_shutter
+from usd_scenes.reader.camera import as_asked, choose_camera, default_camera, note_clipped, read_camera, read_shutter
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.diagnostics import (
+    leave_out_what_is_missing,
     note_warnings,
     open_stage,
-    refuse_composition_errors,
     usd_errors_as_scene_errors,
 )
 from usd_scenes.reader.edits import Edits, edited
@@ -25,17 +25,16 @@ from usd_scenes.reader.frames import Frame
 from usd_scenes.reader.lights import DEFAULT_DOME, default_lights, emitting_meshes, is_light, read_light
 from usd_scenes.reader.links import link_lights
 from usd_scenes.reader.materials import MaterialReader
+from usd_scenes.reader.metadata import check_metadata, meters_per_unit, start_of
 from usd_scenes.reader.policy import Policy
-from usd_scenes.reader.settings import Product, StageSettings, read_settings
+from usd_scenes.reader.settings import PURPOSES, Product, StageSettings, read_settings
 from usd_scenes.reader.shapes import ShapeReader
-from usd_scenes.reader.traversal import walk
+from usd_scenes.reader.traversal import Met, walk
 from usd_scenes.reader.unread import PropertyCheck
 
-PURPOSES = ("default", "render", "proxy", "guide")
 DEFAULT_PURPOSES = frozenset({"default", "render"})
 COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 """As usdrecord names them: each subdivides once more than the one before, ``low`` not at all."""
-UP_AXES = ("Y", "Z")
 CONTAINERS = ("SkelRoot", "PointInstancer")
 """Boundable prims that draw nothing of their own."""
 
@@ -71,6 +70,7 @@ class _Choices:
     strict: bool = False
     render_settings: str | None = None
     product: str | None = None
+    asked_for: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,8 @@ def read_scene(
         SceneError: naming file, prim, attribute, the value found and what is accepted.
         UnsupportedFeatureError: for what cannot be rendered and cannot be left out.
     """
-    choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product)
+    asked_for = frozenset(target.partition("[")[0] for target in edits or {})
+    choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product, asked_for)
     schema.register()
     with usd_errors_as_scene_errors(str(path)) as trap:
         stage = open_stage(Path(path))
@@ -239,12 +240,12 @@ def _read(
         time=_time_code(stage, choices.frame),
         purposes=DEFAULT_PURPOSES,
         refinement=_refinement(choices.complexity),
-        policy=Policy(strict=choices.strict, refusals=refusals),
+        policy=Policy(strict=choices.strict, refusals=refusals, asked_for=choices.asked_for),
     )
     with context.going_on():
-        refuse_composition_errors(context)
+        leave_out_what_is_missing(context)
     with context.going_on():
-        _note_up_axis(context)
+        check_metadata(context, needs_start=choices.frame is None)
     settings = StageSettings()
     with context.going_on():
         settings = read_settings(context, choices.render_settings)
@@ -269,18 +270,18 @@ def _read(
         lights = [DEFAULT_DOME] if camera is None else [*default_lights(camera)]
     scene = None
     with context.going_on():
-        meters_per_unit = _meters_per_unit(stage)
+        unit = meters_per_unit(context)
         if camera is not None:
             scene = Scene(
                 camera=as_asked(camera, product),
                 shapes=tuple(shapes),
                 media=materials.media,
                 lights=tuple(lights),
-                meters_per_unit=meters_per_unit,
+                meters_per_unit=unit,
                 source=source,
             )
             _note_law_warnings(context, scene)
-    note_warnings(trap, context.notes)
+    note_warnings(trap, context.notes, stage)
     reading = None
     if scene is not None and not refusals:
         reading = StageReading(scene, product.resolution, context.notes.texts(), product.sources, context.up_axis)
@@ -297,21 +298,33 @@ def _read(
 
 @dataclass(frozen=True)
 class _View:
-    """The prim that is looked through, or None for a view from the front, and when its shutter is open."""
+    """The prim that is looked through, or None for a view from the front; when its shutter is open; who chose it."""
 
     prim: Usd.Prim | None
     shutter: tuple[Usd.TimeCode, Usd.TimeCode] | None
+    is_asked_for: bool
 
     @classmethod
     def of(cls, context: StageContext, asked: str | None, product: Product) -> _View:
         prim = choose_camera(context, asked, product.camera)
-        return cls(prim, read_shutter(prim, context) if prim and product.has_motion_blur else None)
+        shutter = read_shutter(prim, context) if prim and product.has_motion_blur else None
+        return cls(prim, shutter, asked is not None)
 
     def camera(self, context: StageContext, shapes: Sequence[Shape]) -> Camera:
-        if self.prim is not None:
-            return read_camera(self.prim, context)
-        context.notes.add("no camera: the view is from the front and holds everything")
+        if self.prim is None:
+            context.notes.add("no camera: the view is from the front and holds everything")
+        elif self.is_asked_for:
+            return self._read(self.prim, context, shapes)
+        else:
+            with context.leaving_out(self.prim.GetPath(), "the view is from the front and holds everything"):
+                return self._read(self.prim, context, shapes)
         return default_camera(shapes, context.up_axis)
+
+    @staticmethod
+    def _read(prim: Usd.Prim, context: StageContext, shapes: Sequence[Shape]) -> Camera:
+        camera = read_camera(prim, context)
+        note_clipped(camera, shapes, context)
+        return camera
 
 
 def _whole(survey: StageSurvey) -> StageReading:
@@ -345,13 +358,21 @@ def _read_prims(context: StageContext, materials: MaterialReader) -> tuple[list[
                         light = read_light(prim, context)
                         lights.extend([(prim, light)] if light else [])
             emits = prim.GetPath() in emitting or (is_light(prim) and prim.IsA(UsdGeom.Mesh))
-            if met.has_purpose and not emits and not shapes.read(met) and _is_unsupported(prim):
+            if met.has_purpose and not emits and not _read_shape(met, shapes, materials, context):
                 context.notes.add(f"{prim.GetTypeName()} is not supported and is left out", prim.GetPath())
     placed = shapes.shapes()
     linked_lights, linked_shapes = [light for _, light in lights], [shape for _, shape in placed]
     with context.going_on():
         linked_lights, linked_shapes = link_lights(lights, placed, context)
     return linked_shapes, linked_lights
+
+
+def _read_shape(met: Met, shapes: ShapeReader, materials: MaterialReader, context: StageContext) -> bool:
+    """Reads a prim that may be a shape; False where it draws something that is not supported."""
+    prim = met.prim
+    with context.leaving_out(prim.GetPath(), "the shape is left out", lambda: materials.bounds_medium(prim)):
+        return shapes.read(met) or not _is_unsupported(prim)
+    return True
 
 
 def _is_dark(lights: Sequence[Light], shapes: Sequence[Shape]) -> bool:
@@ -378,19 +399,6 @@ def _note_law_warnings(context: StageContext, scene: Scene) -> None:
             context.notes.add(f"{medium.name}: {text}")
 
 
-def _meters_per_unit(stage: Usd.Stage) -> float:
-    value = float(UsdGeom.GetStageMetersPerUnit(stage))
-    if not (math.isfinite(value) and value > 0):
-        raise SceneError(f"metersPerUnit = {value:g}; accepted: > 0")
-    return value
-
-
-def _note_up_axis(context: StageContext) -> None:
-    axis = UsdGeom.GetStageUpAxis(context.stage)
-    if axis not in UP_AXES:
-        context.notes.add(f"upAxis = {axis} is not supported; accepted: {', '.join(UP_AXES)}; Y is taken")
-
-
 def _time_code(stage: Usd.Stage, frame: Frame | None) -> Usd.TimeCode:
     if frame == "default":
         return Usd.TimeCode.Default()
@@ -398,10 +406,7 @@ def _time_code(stage: Usd.Stage, frame: Frame | None) -> Usd.TimeCode:
         if not math.isfinite(frame):
             raise SceneError(f"frame = {frame:g}; accepted: a finite number")
         return Usd.TimeCode(frame)
-    # The default time would leave attributes that have only samples without a value.
-    if stage.HasAuthoredMetadata("startTimeCode"):
-        return Usd.TimeCode(stage.GetStartTimeCode())
-    return Usd.TimeCode.EarliestTime()
+    return start_of(stage)
 
 
 def _refinement(complexity: str) -> int:

@@ -82,7 +82,7 @@ def validate_stage(
     with usd_errors_as_scene_errors(str(path)) as trap:
         stage = open_stage(Path(path))
         of_opening = Notes()
-        note_warnings(trap, of_opening)
+        note_warnings(trap, of_opening, stage)
         by_plugin = _validators_of_usd()
         steps = [*by_plugin, *(name_of(frame) for frame in frames)]
 
