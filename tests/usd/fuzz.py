@@ -48,7 +48,8 @@ def write_mutant(seed: int, folder: Path) -> Path:
         path.write_text(text, encoding="utf-8")
         return path
     layer = folder / f"layer{seed}.usdc"
-    (_parsed(text) or _parsed(base)).Export(str(layer))
+    if not _exported(_parsed(text), layer):  # What can be parsed may still have no binary form.
+        _exported(_parsed(base), layer)
     content = layer.read_bytes()
     if suffix == PACKAGE:
         with Sdf.ZipFileWriter.CreateNew(str(path)) as package:
@@ -67,6 +68,13 @@ def _parsed(text: str) -> Sdf.Layer | None:
         return layer if layer.ImportFromString(text) else None
     except Tf.ErrorException:
         return None
+
+
+def _exported(layer: Sdf.Layer | None, path: Path) -> bool:
+    try:
+        return layer is not None and layer.Export(str(path))
+    except Tf.ErrorException:
+        return False
 
 
 def _damaged(content: bytes, rng: random.Random) -> bytes:

@@ -275,9 +275,10 @@ def test_what_is_mended_is_a_warning_and_an_error_where_it_is_to_be(tmp_path: Pa
 
 
 def test_a_damaged_layer_that_a_validator_of_usd_fails_on_is_a_finding(tmp_path: Path) -> None:
-    (tmp_path / "damaged.usda").write_text("#usda 1.0\ndef {")
     part = 'def "Part" (\n    references = @damaged.usda@\n)\n{\n}\n'
-    found = validate_stage(write(tmp_path, HEADER + CAMERA + DOME + BARE + part)).findings
+    path = write(tmp_path, HEADER + CAMERA + DOME + BARE + part)
+    (path.parent / "damaged.usda").write_text("#usda 1.0\ndef {")
+    found = validate_stage(path).findings
     assert "/Part" in [finding.path for finding in found]
     failed = [finding.validator for finding in found if finding.text.startswith("fails on this stage")]
     assert "usdUtilsValidators:MissingReferenceValidator" in failed
