@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import product
+from itertools import combinations, product
 from typing import Literal
 
 import numpy as np
@@ -62,6 +62,8 @@ CONFORM_POLICIES: tuple[ConformPolicy, ...] = (
 )
 START_ROUNDING = 1e-5
 """Of coordinates in float32, amply and relative: camera rays that begin so near a shape may begin in it."""
+CONTACT_ROUNDING = 1e-5
+"""Of coordinates in float32, amply and relative: shapes that are so near each other may touch."""
 FILM_MAX = 1e6
 """Of lengths of a perspective camera's film over its focal length: float32 cannot tell flatter rays from each other."""
 APERTURE_UNIT = 0.1
@@ -1058,6 +1060,18 @@ class Scene:
                 varied.append(shape)
         return tuple(varied)
 
+    @cached_property
+    def neighbours(self) -> tuple[Shape, ...]:
+        """Shapes filled with one medium that may touch or overlap each other: by boxes, so rather too many."""
+        filled = [k for k, shape in enumerate(self.shapes) if shape.medium is not None]
+        if len(filled) > MAX_CONTAINERS:  # Nothing renders that.
+            return ()
+        found = set()
+        for a, b in combinations(filled, 2):
+            if self.shapes[a].medium == self.shapes[b].medium and boxes_meet(self.bounds[a], self.bounds[b]):
+                found |= {a, b}
+        return tuple(self.shapes[k] for k in sorted(found))
+
     def frozen_share(self, index: int, medium: Medium) -> float:
         """The share of paths for which a medium in the place of number `index` is frozen; 0 where it fills nothing.
 
@@ -1138,6 +1152,13 @@ def shape_bounds(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     matrices = [shape.object_to_world] + ([] if shape.closing is None else [shape.closing])
     points = np.concatenate([corners @ matrix[:3, :3].T + matrix[:3, 3] for matrix in matrices])
     return points.min(axis=0), points.max(axis=0)
+
+
+def boxes_meet(first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]) -> bool:
+    """True where two boxes, given by lowest and highest corners, overlap or touch, if only by rounding."""
+    (low, high), (lowest, highest) = first, second
+    margin = CONTACT_ROUNDING * max(np.abs(corner).max() for corner in (low, high, lowest, highest))
+    return bool((low <= highest + margin).all() and (high >= lowest - margin).all())
 
 
 def encloses(shape: Shape, point: np.ndarray) -> bool:

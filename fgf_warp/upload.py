@@ -114,7 +114,7 @@ def upload(
     data.media_count = len(scene.media)
     data.tables = rows.upload(device)
     iors = indices_of_refraction(containers)
-    data.containers = wp.array([_container(s, scene, iors) for s in containers], dtype=medium.Container, device=device)
+    data.containers = wp.array(_containers(containers, scene, iors), dtype=medium.Container, device=device)
     if Aov.MOTION in settings.aovs:
         data.surface_drifts = _drifts([shape for shape in shapes if shape.surface is not None], device)
         data.container_drifts = _drifts(containers, device)
@@ -273,6 +273,17 @@ def _mixture(line: LineLaw, longest_depth: float) -> RateMixture:
     if line.exact_fbm is not None:
         return mix_exact_rates(line.exact_fbm, longest_depth)
     return mix_rates(line.b, line.kappa)
+
+
+def _containers(shapes: Sequence[Shape], scene: Scene, iors: Sequence[float]) -> list[Any]:
+    rows, met = [], set()
+    for bit, shape in enumerate(shapes):
+        row = _container(shape, scene, iors)
+        # Each body has rates of its own; 0 is the address of what belongs to no medium.
+        row.rates = 1 + (len(scene.media) + bit if shape.medium in met else row.medium)
+        met.add(shape.medium)
+        rows.append(row)
+    return rows
 
 
 def _container(shape: Shape, scene: Scene, iors: Sequence[float]) -> Any:
