@@ -173,6 +173,8 @@ class SceneData:
     lights: wp.array(dtype=Light)
     camera_inside: wp.uint32
     """Containers around what camera rays begin at, where they are the same for all."""
+    contact_rounding: float
+    """Distance that rounding may part boundaries by which coincide, for rays of all slants but the flattest."""
     camera_ior: float
     """Index of refraction there; where they are not the same, in the middle of where rays begin."""
     media_center: wp.vec3
@@ -673,11 +675,15 @@ def build_program(features: RenderFeatures) -> Program:
         return hidden
 
     @wp.func
-    def carries_on_beyond(scene: SceneData, path: Path, container: int) -> bool:
-        """True where the path's medium goes on beyond the boundary that it has met."""
-        beyond = cross_boundary(path.start.inside, container)
-        entered = entered_at(path.start, container, path.origin, path.hit.t)
-        return carries_on(scene.containers, path.medium, path.start.inside, beyond, entered)
+    def go_through(scene: SceneData, before: Start, container: int, origin: wp.vec3, t: float) -> Start:
+        """Beyond the boundary of a container that a ray crosses at t."""
+        start = before
+        if wp.static(features.contacts):
+            start.entered = entered_at(before, container, origin, t, scene.contact_rounding)
+        start.inside = cross_boundary(before.inside, container)
+        start.t_min = t
+        start.crossed = container
+        return start
 
     @wp.func
     def pass_surface(scene: SceneData, before: Path, container: int, weight: wp.vec3, keeps: bool) -> Path:
@@ -687,10 +693,8 @@ def build_program(features: RenderFeatures) -> Program:
         path.albedo = weight
         path.keeps = wp.where(keeps, 1, 0)
         if container >= 0:
-            if wp.static(features.contacts):
-                path.start.entered = entered_at(before.start, container, before.origin, before.hit.t)
-            path.start.t_min = before.hit.t
-            path = change_side(scene, path, container)
+            path.start = go_through(scene, before.start, container, before.origin, before.hit.t)
+            path = with_index(scene, path)
             path.body = wp.where(keeps, before.body, -1)
         else:
             path.start.passed = before.hit.t
@@ -701,6 +705,12 @@ def build_program(features: RenderFeatures) -> Program:
         """It is on the other side of a boundary."""
         path = before
         path.start.inside = cross_boundary(before.start.inside, container)
+        return with_index(scene, path)
+
+    @wp.func
+    def with_index(scene: SceneData, before: Path) -> Path:
+        """With the index of refraction of where it is."""
+        path = before
         index = ior_at(scene.containers, path.start.inside) / scene.camera_ior
         path.squeeze = index * index
         return path
@@ -718,7 +728,8 @@ def build_program(features: RenderFeatures) -> Program:
         path.start.crossed = container
         path.keeps = 0
         if is_hidden(scene, container, before.start.inside):
-            keeps = carries_on_beyond(scene, before, container)
+            beyond = go_through(scene, before.start, container, before.origin, before.hit.t)
+            keeps = carries_on(scene.containers, before.medium, before.start.inside, beyond.inside, beyond.entered)
             return pass_surface(scene, path, container, wp.vec3(1.0), keeps), Bsdf()
         surface = read_shade(scene, before.hit, before.direction, before.start)
         bsdf = surface.bsdf
@@ -798,11 +809,7 @@ def build_program(features: RenderFeatures) -> Program:
             if gate < 0:
                 break
             inside = start.inside
-            if wp.static(features.contacts):
-                start.entered = entered_at(start, gate, path.origin, hit.t)
-            start.inside = cross_boundary(inside, gate)
-            start.t_min = hit.t
-            start.crossed = gate
+            start = go_through(scene, start, gate, path.origin, hit.t)
             if not carries_on(scene.containers, path.medium, inside, start.inside, start.entered):
                 break
             hit = intersect(scene, path.origin, path.direction, INFINITE, start)
@@ -838,7 +845,10 @@ def build_program(features: RenderFeatures) -> Program:
             path.keeps = wp.where(before.passes == 1, before.keeps, 0)
         if wp.static(lone_law == ""):
             if before.hit.kind == BOUNDARY and not scatters:
-                if carries_on_beyond(scene, before, before.hit.item):
+                inside = before.start.inside
+                beyond = go_through(scene, before.start, before.hit.item, before.origin, before.hit.t)
+                path.start.entered = beyond.entered
+                if carries_on(scene.containers, path.medium, inside, beyond.inside, beyond.entered):
                     path.keeps = 1
                 else:
                     path.body = -1
@@ -896,10 +906,8 @@ def build_program(features: RenderFeatures) -> Program:
         path.start.inside = wp.where(crosses, crossed, before.start.inside)
         path.start.t_min = wp.where(crosses, before.hit.t, wp.where(is_new, 0.0, before.start.t_min))
         if wp.static(features.contacts):
-            gate = wp.where(crosses, before.hit.item, 0)
-            entered = entered_at(before.start, gate, before.origin, before.hit.t)
-            rest = wp.where(is_new, wp.uint32(0), before.start.entered)
-            path.start.entered = wp.where(crosses, entered, rest)
+            begins = is_new and not crosses
+            path.start.entered = wp.where(begins, wp.uint32(0), before.start.entered)
         last_crossed = wp.where(is_new, -1, before.start.crossed)
         if wp.static(refracts):
             last_crossed = wp.where(meets_surface, before.start.crossed, last_crossed)
@@ -1127,11 +1135,7 @@ def build_program(features: RenderFeatures) -> Program:
                 beyond = medium
                 if lets_through and gate >= 0:
                     inside = start.inside & casting
-                    if wp.static(features.contacts):
-                        start.entered = entered_at(start, gate, path.origin, hit.t)
-                    start.inside = cross_boundary(start.inside, gate)
-                    start.t_min = hit.t
-                    start.crossed = gate
+                    start = go_through(scene, start, gate, path.origin, hit.t)
                     beyond = medium_at(scene.containers, start.inside & casting)
                     goes_on = carries_on(scene.containers, medium, inside, start.inside & casting, start.entered)
                 if medium >= 0 and (not lets_through or not goes_on):
@@ -1432,9 +1436,7 @@ def build_program(features: RenderFeatures) -> Program:
                 hit = intersect_meshes(scene.boundaries, origin, before.direction, start, hit)
             if hit.kind != BOUNDARY:
                 break
-            start.inside = cross_boundary(start.inside, hit.item)
-            start.t_min = hit.t
-            start.crossed = hit.item
+            start = go_through(scene, start, hit.item, origin, hit.t)
         path.start.inside = start.inside
         path.start.slack = 2.0 * OFFSET * coordinate_reach(before.origin, back)
         return path

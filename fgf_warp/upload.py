@@ -123,6 +123,7 @@ def upload(
     low, high = scene.camera.start_bounds(settings.width, settings.height)
     inside = containers_around((low + high) / 2, containers)
     data.camera_inside = wp.uint32(inside)
+    data.contact_rounding = scene.contact_rounding
     data.camera_ior = _ior_around(inside, containers, scene)
     if scene.shapes_around_starts(settings.width, settings.height):
         lows, highs = zip(*(shape_bounds(shape) for shape in containers), strict=True)

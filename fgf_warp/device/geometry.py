@@ -154,10 +154,10 @@ def coordinate_reach(position: wp.vec3, t: float) -> float:
 
 
 @wp.func(inline=True)
-def entered_at(start: Start, container: int, origin: wp.vec3, t: float) -> wp.uint32:
-    """`Start.entered` after the boundary of one is crossed at t."""
+def entered_at(start: Start, container: int, origin: wp.vec3, t: float, rounding: float) -> wp.uint32:
+    """`Start.entered` after the boundary of one is crossed at t; `rounding` is that of boundaries, beside the ray's."""
     beyond = cross_boundary(start.inside, container)
-    is_near = t - start.t_min <= TOUCH * coordinate_reach(origin, t)
+    is_near = t - start.t_min <= TOUCH * coordinate_reach(origin, t) + rounding
     return wp.where(is_near, start.entered, wp.uint32(0)) | (beyond & (beyond ^ start.inside))
 
 
