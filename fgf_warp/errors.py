@@ -9,7 +9,11 @@ class SceneError(FgfError):
     """A scene that cannot be rendered as written: a parameter out of its domain, a broken stage."""
 
 
-class OpenMeshError(SceneError):
+class MediumError(SceneError):
+    """A medium that cannot be: a parameter out of the domain of its law, or a shape that cannot hold it."""
+
+
+class OpenMeshError(MediumError):
     """A mesh that a medium is to fill, and that is not closed."""
 
 

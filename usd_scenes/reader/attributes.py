@@ -8,14 +8,49 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from pxr import Sdf, Usd, UsdShade
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import Rgb
+from usd_scenes.reader.context import StageContext
 
 SINGLE_PRECISION = {Sdf.ValueTypeNames.Float, Sdf.ValueTypeNames.Half}
+
+
+@dataclass(frozen=True)
+class Range:
+    """Numbers that are accepted.
+
+    Args:
+        words: what they are, such as "[0, 1]".
+        low: the least.
+        high: the largest.
+        excludes_low: True where `low` itself is not accepted, so that what is too low has no nearest number.
+    """
+
+    words: str
+    low: float = -math.inf
+    high: float = math.inf
+    excludes_low: bool = False
+
+    def holds(self, number: float) -> bool:
+        """True where a number is accepted."""
+        return self.low <= number <= self.high and not (self.excludes_low and number == self.low)
+
+    def nearest(self, number: float) -> float | None:
+        """The accepted number that is nearest; None where there is none."""
+        if math.isnan(number) or (self.excludes_low and number <= self.low):
+            return None
+        near = min(max(number, self.low), self.high)
+        return near if math.isfinite(near) else None
+
+
+UNIT = Range("[0, 1]", 0.0, 1.0)
+NOT_NEGATIVE = Range(">= 0", 0.0)
+POSITIVE = Range("> 0", 0.0, excludes_low=True)
 
 
 def is_authored(attribute: Usd.Attribute) -> bool:
@@ -122,6 +157,83 @@ def read_vector(
     return tuple(_as_written(float(number)) for number in numbers)
 
 
+def read_mended(attribute: Usd.Attribute, context: StageContext, within: Range, default: float) -> float:
+    """A number of a shape, a surface or a light: nothing that is out of its range keeps the prim from being rendered.
+
+    Args:
+        attribute: may be undefined.
+        context: the stage, which is told of what is mended.
+        within: the accepted range. A number out of it is cut to it.
+        default: taken where there is no value, and, with a warning, where the value has no nearest accepted number.
+
+    Raises:
+        SceneError: for a value that is not accepted, where the stage is read strictly.
+    """
+    try:
+        return read_number(attribute, context.time, default, within.words, within.holds)
+    except SceneError as error:
+        return _mended(attribute, attribute.Get(context.time), error, context, within, default)
+
+
+def read_mended_color(attribute: Usd.Attribute, context: StageContext, within: Range, default: Rgb) -> Rgb:
+    """The same of a linear Rec.709 color, whose numbers are mended one by one."""
+    words = f"three numbers in {within.words}"
+    try:
+        return read_color(attribute, context.time, default, words, within.holds)
+    except SceneError as error:
+        value = attribute.Get(context.time)
+        found = value if _is_color(value) else default
+        near = [within.nearest(float(number)) for number in found]
+        r, g, b = (other if number is None else number for number, other in zip(near, default, strict=True))
+        context.mend(f"{_after_prim(attribute, error)}; {_listed((r, g, b))} is used", attribute.GetPath())
+        return r, g, b
+
+
+def read_mended_token(attribute: Usd.Attribute, context: StageContext, accepted: tuple[str, ...], default: str) -> str:
+    """One of the `accepted` words.
+
+    A value that differs from one in case or separators alone is taken for it, and any other is `default`: either is
+    told. A missing one is `default` too.
+    """
+    try:
+        return read_token(attribute, context.time, accepted) or default
+    except SceneError as error:
+        alike = {_plain(word): word for word in accepted}
+        used = alike.get(_plain(attribute.Get(context.time)), default)
+        context.mend(f"{_after_prim(attribute, error)}; {used} is used", attribute.GetPath())
+        return used
+
+
+def _mended(
+    attribute: Usd.Attribute, value: object, error: SceneError, context: StageContext, within: Range, default: float
+) -> float:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    near = within.nearest(float(value)) if is_number else None  # type: ignore[arg-type]
+    used = default if near is None else near
+    context.mend(f"{_after_prim(attribute, error)}; {used:g} is used", attribute.GetPath())
+    return used
+
+
+def _is_color(value: object) -> bool:
+    try:
+        return np.asarray(value, dtype=np.float64).shape == (3,)
+    except (TypeError, ValueError):
+        return False
+
+
+def _plain(word: object) -> str:
+    return str(word).lower().replace("_", "").replace("-", "").replace(" ", "")
+
+
+def _listed(numbers: tuple[float, ...]) -> str:
+    return "(" + ", ".join(f"{number:g}" for number in numbers) + ")"
+
+
+def _after_prim(attribute: Usd.Attribute, error: SceneError) -> str:
+    """A refusal of this module without the path, which the warning names anyway."""
+    return str(error).removeprefix(f"{attribute.GetPath()} ")
+
+
 def read_array(attribute: Usd.Attribute, time: Usd.TimeCode, dtype: type, width: int = 1) -> np.ndarray:
     """An array of numbers, empty where the attribute has no value.
 
@@ -166,6 +278,12 @@ def _as_written(number: float) -> float:
     return float(np.format_float_scientific(np.float32(number)))
 
 
+def _shown(number: float) -> str:
+    """Short where that is the number; in full where the rounding would hide what is wrong."""
+    short = f"{number:g}"
+    return short if not math.isfinite(number) or float(short) == number else repr(number)
+
+
 def _refusal(attribute: Usd.Attribute, value: object, accepted: str) -> SceneError:
-    shown = "no value" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+    shown = "no value" if value is None else _shown(value) if isinstance(value, float) else str(value)
     return SceneError(f"{attribute.GetPath()} = {shown}; accepted: {accepted}")

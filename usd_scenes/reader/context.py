@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 
 import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
-from fgf_warp.errors import FgfError, SceneError
+from fgf_warp.errors import SceneError
 from usd_scenes.reader.images import ImageFiles
 from usd_scenes.reader.notes import Notes
+from usd_scenes.reader.policy import Policy
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,10 +24,8 @@ class StageContext:
         purposes: of the geometry that is read.
         shutter: times at which the shutter opens and closes, where transforms are sampled; None: both at `time`.
         refinement: levels of subdivision, >= 0.
-        strict: True where what is missing is an error instead of a warning.
-        notes: collects warnings.
+        policy: what becomes of what is wrong.
         images: keeps the pictures that were read.
-        refusals: collects errors, so that all of a stage's are found; None: the first one is raised.
     """
 
     stage: Usd.Stage
@@ -35,10 +33,8 @@ class StageContext:
     purposes: frozenset[str]
     shutter: tuple[Usd.TimeCode, Usd.TimeCode] | None = None
     refinement: int = 2
-    strict: bool = False
-    notes: Notes = field(default_factory=Notes)
+    policy: Policy = field(default_factory=Policy)
     images: ImageFiles = field(default_factory=ImageFiles)
-    refusals: list[FgfError] | None = None
     _opening: UsdGeom.XformCache = field(init=False)
     _closing: UsdGeom.XformCache = field(init=False)
 
@@ -47,25 +43,22 @@ class StageContext:
         object.__setattr__(self, "_opening", UsdGeom.XformCache(opening))
         object.__setattr__(self, "_closing", UsdGeom.XformCache(closing))
 
-    @contextmanager
-    def going_on(self) -> Iterator[None]:
-        """Keeps an error of what is read inside for `refusals`, where errors are collected."""
-        try:
-            yield
-        except (FgfError, Tf.ErrorException) as error:
-            if self.refusals is None:
-                raise
-            self.refusals.append(error if isinstance(error, FgfError) else SceneError(str(error)))
+    @property
+    def notes(self) -> Notes:
+        """Where warnings go of what is not wrong, only not rendered as it is written."""
+        return self.policy.notes
 
-    def note_missing(self, text: str, path: object) -> None:
-        """Notes that something is not there, or refuses the stage where it is to be read strictly.
+    def mend(self, text: str, path: object) -> None:
+        """See `Policy.mend`."""
+        self.policy.mend(text, path)
 
-        Raises:
-            SceneError: where `strict`.
-        """
-        if self.strict:
-            raise SceneError(f"{path}: {text}")
-        self.notes.add(text, path)
+    def leaving_out(self, path: object, done: str) -> AbstractContextManager[None]:
+        """See `Policy.leaving_out`."""
+        return self.policy.leaving_out(path, done)
+
+    def going_on(self) -> AbstractContextManager[None]:
+        """See `Policy.going_on`."""
+        return self.policy.going_on()
 
     def local_to_world(self, prim: Usd.Prim) -> np.ndarray:
         """(4, 4) float64 that acts on column vectors, when the shutter opens; USD's own matrices act on row vectors.

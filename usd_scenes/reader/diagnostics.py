@@ -76,7 +76,7 @@ def refuse_composition_errors(context: StageContext) -> None:
     for error in context.stage.GetCompositionErrors():
         if unknown := UNKNOWN_FORMAT.search(_on_one_line(str(error))):
             name = Path(unknown["asset"]).name
-            context.note_missing(f"this USD cannot read {name}, and what it refers to is left out", error.rootSite.path)
+            context.mend(f"this USD cannot read {name}, and what it refers to is left out", error.rootSite.path)
         else:
             errors.append(error)
     if not errors:

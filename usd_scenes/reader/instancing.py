@@ -72,7 +72,7 @@ def read_copies(prim: Usd.Prim, context: StageContext, around: Copies | None) ->
         if not len(places):
             continue
         if not root:
-            context.note_missing(f"the prototype {target} is not there", path)
+            context.mend(f"the prototype {target} is not there", path)
             continue
         yield Copies(
             root=root,

@@ -7,7 +7,7 @@ from typing import Any
 
 from pxr import Usd
 
-from fgf_warp.errors import SceneError
+from fgf_warp.errors import MediumError, SceneError
 from fgf_warp.scene import LINE_VARIANCES, PHASE_FUNCTIONS, TRANSPORTS, Medium
 from usd_scenes import schema
 from usd_scenes.reader.attributes import is_authored, plain_source, read_color, read_number, read_token
@@ -43,11 +43,11 @@ def read_medium(material: Usd.Prim, context: StageContext) -> Medium:
     """The medium of a material that FgfMediumAPI is applied to.
 
     Raises:
-        SceneError: for an unknown fgf attribute, or a value out of its range.
+        MediumError: for an unknown fgf attribute, or a value out of its range.
     """
     values, problems = _read_values(material, context)
     if problems:
-        raise problems[0]
+        raise MediumError(str(problems[0])) from problems[0]
     return _build(material, values)
 
 
@@ -87,17 +87,20 @@ def _build(material: Usd.Prim, values: dict[str, Any]) -> Medium:
     try:
         return Medium(name=path, **values)
     except SceneError as error:
-        raise SceneError(_with_attribute(path, str(error))) from error
+        raise MediumError(_with_attribute(path, str(error))) from error
 
 
 def ends_in_surface(material: Usd.Prim, context: StageContext) -> bool:
     """True where the material's surface bounds the medium, False where nothing does.
 
     Raises:
-        SceneError: for an unknown kind of boundary.
+        MediumError: for an unknown kind of boundary.
     """
     attribute = material.GetAttribute(schema.BOUNDARY_ATTRIBUTE)
-    return read_token(attribute, context.time, schema.BOUNDARIES) == "surface"
+    try:
+        return read_token(attribute, context.time, schema.BOUNDARIES) == "surface"
+    except SceneError as error:
+        raise MediumError(str(error)) from error
 
 
 def _read_field(field: str, attribute: Usd.Attribute, time: Usd.TimeCode) -> object:

@@ -17,6 +17,10 @@ class Notes:
         if path and str(path) not in paths:
             paths.append(str(path))
 
+    def entries(self) -> tuple[tuple[str, str], ...]:
+        """Each warning for each path that it holds for, as (text, path); the path is empty of the whole stage."""
+        return tuple((text, path) for text, paths in self._paths.items() for path in paths or [""])
+
     def texts(self) -> tuple[str, ...]:
         """The warnings in the order in which their kinds were met."""
         return tuple(_with_paths(text, paths) for text, paths in self._paths.items())

@@ -109,7 +109,7 @@ def _find_settings(context: StageContext, asked: str | None) -> Usd.Prim | None:
         return named.GetPrim()
     if stage.HasAuthoredMetadata("renderSettingsPrimPath"):
         path = stage.GetMetadata("renderSettingsPrimPath")
-        context.note_missing("the stage's renderSettingsPrimPath is the path of no RenderSettings", path)
+        context.mend("the stage's renderSettingsPrimPath is the path of no RenderSettings", path)
     if len(there_are) > 1:
         context.notes.add("several RenderSettings and none chosen: the first are used", there_are[0].GetPath())
     return there_are[0] if there_are else None

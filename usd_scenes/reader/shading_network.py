@@ -43,7 +43,7 @@ def source_of(shader: UsdShade.Shader, name: str, context: StageContext) -> Usd.
     if not sources or sources[0] == attribute:
         targets = [attribute.GetStage().GetAttributeAtPath(path) for path in attribute.GetConnections()]
         if not all(target and UsdShade.Input.IsInput(target) for target in targets):
-            context.note_missing("connected to nothing: the input's own value is used", attribute.GetPath())
+            context.mend("connected to nothing: the input's own value is used", attribute.GetPath())
         return attribute
     source = sources[0]
     if len(sources) > 1:
@@ -81,5 +81,5 @@ def primvar_name(reader: UsdShade.Shader, context: StageContext) -> str:
     attribute = value_of(reader, "varname", context)
     name = attribute.Get(context.time) if attribute else None
     if not name:
-        context.note_missing("names no primvar", f"{reader.GetPath()}.inputs:varname")
+        context.mend("names no primvar", f"{reader.GetPath()}.inputs:varname")
     return str(name or "")

@@ -25,6 +25,7 @@ from usd_scenes.reader.edits import Edits, edited
 from usd_scenes.reader.lights import DEFAULT_DOME, default_lights, emitting_meshes, is_light, read_light
 from usd_scenes.reader.links import link_lights
 from usd_scenes.reader.materials import MaterialReader
+from usd_scenes.reader.policy import Policy
 from usd_scenes.reader.settings import Product, StageSettings, read_settings
 from usd_scenes.reader.shapes import ShapeReader
 from usd_scenes.reader.traversal import walk
@@ -85,6 +86,7 @@ class StageSurvey:
         lights: those that are accepted, or the default ones where nothing else gives light.
         camera: the one that is taken where none is asked for, or None where it is refused.
         refusals: for what reading would stop.
+        warnings: what is mended, left out or not rendered as it is written: a text and the path that it holds for.
     """
 
     shapes: tuple[Shape, ...]
@@ -92,6 +94,7 @@ class StageSurvey:
     lights: tuple[Light, ...]
     camera: Camera | None
     refusals: tuple[FgfError, ...]
+    warnings: tuple[tuple[str, str], ...] = ()
 
 
 def read_scene(
@@ -190,11 +193,11 @@ class OpenStages:
         self._contexts.pop().__exit__(*raised)
 
 
-def survey_stage(stage: Usd.Stage) -> StageSurvey:
-    """Reads what of an open stage can be read, and collects what is refused."""
+def survey_stage(stage: Usd.Stage, frame: Frame | None = None) -> StageSurvey:
+    """Reads what of an open stage can be read, and collects what is mended, left out or refused."""
     schema.register()
     refusals: list[FgfError] = []
-    context = stage_context(stage, refusals=refusals)
+    context = stage_context(stage, frame, Policy(refusals=refusals))
     materials = MaterialReader(context)
     settings, camera = StageSettings(), None
     shapes, lights = _read_prims(context, materials)
@@ -210,12 +213,14 @@ def survey_stage(stage: Usd.Stage) -> StageSurvey:
         Scene(camera=camera, shapes=tuple(shapes), media=materials.media)
     if _is_dark(lights, shapes):
         lights = [DEFAULT_DOME] if camera is None else [*default_lights(camera)]
-    return StageSurvey(tuple(shapes), materials.media, tuple(lights), camera, tuple(refusals))
+    warnings = context.notes.entries()
+    return StageSurvey(tuple(shapes), materials.media, tuple(lights), camera, tuple(refusals), warnings)
 
 
-def stage_context(stage: Usd.Stage, refusals: list[FgfError] | None = None) -> StageContext:
-    """What `read_stage` reads a stage in where nothing is asked for."""
-    return StageContext(stage=stage, time=_time_code(stage, None), purposes=DEFAULT_PURPOSES, refusals=refusals)
+def stage_context(stage: Usd.Stage, frame: Frame | None = None, policy: Policy | None = None) -> StageContext:
+    """What `read_stage` reads a stage in where nothing else is asked for."""
+    time = _time_code(stage, frame)
+    return StageContext(stage=stage, time=time, purposes=DEFAULT_PURPOSES, policy=policy or Policy())
 
 
 def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticTrap) -> StageReading:
@@ -224,7 +229,7 @@ def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticT
         time=_time_code(stage, choices.frame),
         purposes=DEFAULT_PURPOSES,
         refinement=_refinement(choices.complexity),
-        strict=choices.strict,
+        policy=Policy(strict=choices.strict),
     )
     refuse_composition_errors(context)
     _note_up_axis(context)

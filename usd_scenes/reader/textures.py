@@ -26,7 +26,7 @@ def read_image(attribute: Usd.Attribute, context: StageContext, color_space: Col
     """
     asset = attribute.Get(context.time)
     if not isinstance(asset, Sdf.AssetPath) or not asset.path:
-        context.note_missing("names no picture", attribute.GetPath())
+        context.mend("names no picture", attribute.GetPath())
         return None
     return _read_file(asset.resolvedPath, asset.path, attribute, context, color_space)
 
@@ -48,7 +48,7 @@ def read_tiles(
     layer = _layer_of_value(attribute, context.time)
     tiles = UsdShade.UdimUtils.ResolveUdimTilePaths(path, layer) if layer else []
     if not tiles:
-        context.note_missing(f"{path}: there are no such files", attribute.GetPath())
+        context.mend(f"{path}: there are no such files", attribute.GetPath())
     files = {}
     for resolved, tile in tiles:
         file = _read_file(resolved, resolved, attribute, context, color_space)
@@ -70,7 +70,7 @@ def _read_file(
     try:
         return context.images.read(resolved, color_space)
     except SceneError as error:
-        context.note_missing(f"{shown}: {error}", attribute.GetPath())
+        context.mend(f"{shown}: {error}", attribute.GetPath())
         return None
 
 

@@ -107,7 +107,7 @@ def read_normal_map(output: Output, context: StageContext) -> TextureInput | Non
 def _files(shader: UsdShade.Shader, context: StageContext) -> Mapping[tuple[int, int], ImageFile]:
     attribute = value_of(shader, "file", context)
     if not attribute:
-        context.note_missing("names no picture", f"{shader.GetPath()}.inputs:file")
+        context.mend("names no picture", f"{shader.GetPath()}.inputs:file")
         return {}
     name = read_token(value_of(shader, "sourceColorSpace", context), context.time, COLOR_SPACES)
     color_space = cast(ColorSpace, name or "auto")
