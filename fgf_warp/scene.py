@@ -609,6 +609,13 @@ class Solid:
             _check_matrix(self.name, "closing", self.closing)
 
 
+NO_VOLUME = (
+    "a medium needs a closed mesh, and of this one the faces are there twice, facing both ways: it encloses no volume"
+)
+DOUBLED_FACES = "faces of the mesh of a medium are there twice, facing both ways, and bound nothing; they are left out"
+INWARD_SHELL = "a part of the mesh of a medium faces inwards with nothing around it; it is turned"
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """A triangle mesh: in world space, or in that of its instances.
@@ -642,6 +649,7 @@ class Mesh:
     instance: int = -1
     light_links: int = 0
     shadow_links: int = 0
+    _shells: Shells = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.points.ndim != 2 or self.points.shape[1] != 3 or not _is_finite(self.points):
@@ -660,21 +668,16 @@ class Mesh:
                     f"and ({count}, 3, k)"
                 )
         if self.medium is not None:
-            open_edges = count_open_edges(self.points, self.triangles)
+            corners = weld(self.points)[self.triangles]
+            open_edges = int(count_unmatched(corners).sum())
             if open_edges:
                 raise OpenMeshError(
                     f"{self.name}: a medium needs a closed mesh, and this one has {open_edges} open or "
                     "inconsistently oriented edges"
                 )
+            object.__setattr__(self, "_shells", find_shells(self.points, self.triangles, corners))
             if not self._shells.count:
-                raise OpenMeshError(
-                    f"{self.name}: a medium needs a closed mesh, and of this one the faces are there twice, facing both "
-                    "ways: it encloses no volume"
-                )
-
-    @cached_property
-    def _shells(self) -> Shells:
-        return find_shells(self.points, self.triangles)
+                raise OpenMeshError(f"{self.name}: {NO_VOLUME}")
 
     @cached_property
     def bodies(self) -> tuple[Mesh, ...]:
@@ -707,9 +710,9 @@ class Mesh:
             return ()
         found = []
         if self._shells.turned.any():
-            found.append("a part of the mesh of a medium faces inwards with nothing around it, and was turned")
+            found.append(INWARD_SHELL)
         if (self._shells.groups < 0).any():
-            found.append("faces of the mesh of a medium that are there twice, facing both ways, are left out")
+            found.append(DOUBLED_FACES)
         return tuple(found)
 
     @cached_property

@@ -77,12 +77,19 @@ class ShapeReader:
                 if isinstance(found, Solid):
                     shapes.append((path, found))
                 elif counts[id(found.form)] <= 1 and np.array_equal(*found.matrices):
-                    shapes.append((path, found.part.moved(found.matrices[0][0]).mesh(int(found.numbers[0]))))
+                    mesh = found.part.moved(found.matrices[0][0]).mesh(int(found.numbers[0]))
+                    self._tell_mended(mesh)
+                    shapes.append((path, mesh))
                 else:
                     if id(found.part) not in meshes:
                         meshes[id(found.part)] = found.part.mesh()
+                        self._tell_mended(meshes[id(found.part)])
                     shapes.extend((path, instance) for instance in self._instances(found, meshes[id(found.part)]))
         return shapes
+
+    def _tell_mended(self, mesh: Mesh) -> None:
+        for text in mesh.mended:
+            self._context.mend(text, mesh.name)
 
     def _solids(self, met: Met, canonical: Canonical) -> list[Solid]:
         kind, to_prim = canonical
