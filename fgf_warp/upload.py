@@ -87,7 +87,8 @@ def upload(
     containers = [shape for shape in shapes if shape.medium is not None]
     if len(containers) > MAX_CONTAINERS:
         raise UnsupportedFeatureError(
-            f"{scene.source}: {len(containers)} shapes are filled with media; accepted: at most {MAX_CONTAINERS}"
+            f"{scene.source}: {len(containers)} shapes are filled with media, of meshes each layer of shells that "
+            f"overlap or touch; accepted: at most {MAX_CONTAINERS}"
         )
     hanging = set(solids_in_tree(shapes))
     solids = [shape for shape in shapes if isinstance(shape, Solid) and shape not in hanging]
