@@ -12,6 +12,7 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.bvh_kernel import WIDTH, open_nodes, split_ranges
+from fgf_warp.headers import load_on_cpu
 
 LEAF = 8
 """Triangles of a leaf, at most."""
@@ -64,7 +65,7 @@ class WideTree:
 
 def load_builder() -> None:
     """Compiles the builder where that has not been done, so that threads do not do it at the same time."""
-    open_nodes.module.load(wp.get_device("cpu"), 1)
+    load_on_cpu(open_nodes.module)
 
 
 def build_wide_tree(corners: Sequence[np.ndarray]) -> WideTree:

@@ -21,6 +21,7 @@ from fgf_warp import __version__
 from fgf_warp.bvh import load_builder
 from fgf_warp.errors import ConfigError, NumericalError
 from fgf_warp.features import required_features
+from fgf_warp.headers import load_on_cpu
 from fgf_warp.integrator import NOT_SEEN, Counts, Film, Program, Round, build_program
 from fgf_warp.locks import hold
 from fgf_warp.result import RenderResult
@@ -136,8 +137,7 @@ def prepare(scene: Scene, settings: RenderSettings) -> Program:
         if program.features.meshes:
             load_builder()
         if settings.device == "cpu":
-            # A launch on the CPU asks for blocks of one thread, and would build anew for any other.
-            program.render_pool.module.load(wp.get_device("cpu"), 1)
+            load_on_cpu(program.render_pool.module)
         else:
             program.render_threads.module.load(wp.get_device(settings.device), BLOCK_DIM)
     return program

@@ -206,9 +206,10 @@ def stability(
     from fgf_warp.output.atomic import make_folder  # noqa: PLC0415
     from generators.stability import run  # noqa: PLC0415
     from generators.stability.extremes import FULL, QUICK  # noqa: PLC0415
+    from generators.stability.outcome import CELLS, conclude  # noqa: PLC0415
 
     folder = out or Path("stability-quick" if quick else "stability")
-    make_folder(folder, [run.REPORT, run.CELLS])
+    make_folder(folder, [run.REPORT, CELLS])
     with progress_bar(counted=True) as progress:
         task = progress.add_task("", total=None)
 
@@ -219,7 +220,7 @@ def stability(
         progress.update(task, description="drawing", completed=0, total=1)
         report = run.write(outcome, folder, f"fgf stability --device {device}{' --quick' if quick else ''}")
         progress.update(task, description="done", completed=1)
-    typer.echo(run.conclude(outcome))
+    typer.echo(conclude(outcome))
     typer.echo(f"report  {report}")
     if outcome.outside_count:
         raise typer.Exit(EXIT_PARTIAL)

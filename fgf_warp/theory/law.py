@@ -46,6 +46,9 @@ CLUSTER_B = 0.02
 FBM_ERROR = 0.1
 """(t/L)^min(1, 2H), the order of the error of the asymptotic fBm variance, above which a warning is due."""
 
+WIDE_MEDIA = "for H = 0.3 and a mean optical depth of 4, by 60 to 200 %"
+"""Measured on explicit fields wider than their outer scale."""
+
 
 @dataclass(frozen=True)
 class LineLaw:
@@ -132,20 +135,35 @@ class LineLaw:
                 f"H = {self.hurst:g} is just above -0.5 (b = {self.b:.3g} < {CLUSTER_B:g}): in the reciprocal "
                 "transport scattering events cluster, and the picture is not that of H = -0.5"
             )
-        is_asymptotic = self.regime in ("fbm", "kfbm") and self.exact_fbm is None
-        if is_asymptotic and self.outer_scale is not None and lengths:
-            tau = max(lengths) / self.outer_scale
-            if tau ** min(1.0, 2.0 * self.hurst) > FBM_ERROR:
-                known = f"; the exact one is {fbm.variance_ratio(self.hurst, tau):.2f} of it" if self.hurst < 1 else ""
-                found.append(
-                    f"t = {max(lengths):g} is not far below the outer scale L = {self.outer_scale:g}, as the "
-                    f"asymptotic variance of H = {self.hurst:g} takes it to be{known}"
-                )
+        found += self._outer_scale_warnings(max(lengths, default=0.0))
         if self.kappa > 1:
             found.append(f"kappa = {self.kappa:.4g} > 1: the Gamma law of the line average is then a modelling choice")
         if self.b == 1 and self.kappa >= 1 and self.exact_fbm is None:
             found.append(f"kappa = {self.kappa:.4g} >= 1 with b = 1: the mean free path is infinite")
         return found
+
+    def _outer_scale_warnings(self, length: float) -> list[str]:
+        """What a fractional Brownian motion takes for granted of segments of this length, 0 where none is known."""
+        if self.regime not in ("fbm", "kfbm"):
+            return []
+        if self.outer_scale is None:
+            return [
+                f"H = {self.hurst:g} with kappa and without an outer scale L: the law is that of segments far below L, "
+                "which cannot be checked; in media wider than L its transmittance is far too high"
+            ]
+        tau = length / self.outer_scale
+        if tau > 1:
+            return [
+                f"t = {length:g} is beyond the outer scale L = {self.outer_scale:g}, where correlation ends: the law "
+                f"is that of segments far below L, and its transmittance is too high; {WIDE_MEDIA}"
+            ]
+        if self.exact_fbm is not None or tau == 0 or tau ** min(1.0, 2.0 * self.hurst) <= FBM_ERROR:
+            return []
+        known = f"; the exact one is {fbm.variance_ratio(self.hurst, tau):.2f} of it" if self.hurst < 1 else ""
+        return [
+            f"t = {length:g} is not far below the outer scale L = {self.outer_scale:g}, as the "
+            f"asymptotic variance of H = {self.hurst:g} takes it to be{known}"
+        ]
 
 
 def build_line_law(

@@ -261,7 +261,8 @@ def render(
         start_warp(device)
         for done, picture in enumerate(pictures):
             try:
-                _render_picture(picture, *load(picture.frame, picture.product), goal, wish)
+                base = load(picture.frame, picture.product)
+                _render_picture(picture, *base, goal, wish, depth_is_asked=max_depth is not None)
             except KeyboardInterrupt:
                 fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
 
@@ -303,9 +304,24 @@ def _choose_settings(scene: Scene, settings: RenderSettings, wish: Wish) -> Choi
 
 
 def _render_picture(
-    picture: Picture, scene: Scene, settings: RenderSettings, goal: Goal | None, wish: Wish | None
+    picture: Picture,
+    scene: Scene,
+    settings: RenderSettings,
+    goal: Goal | None,
+    wish: Wish | None,
+    *,
+    depth_is_asked: bool,
 ) -> None:
-    """Renders one image and writes its files, each whole or not at all."""
+    """Renders one image and writes its files, each whole or not at all.
+
+    Args:
+        picture: its files.
+        scene: what is rendered.
+        settings: how.
+        goal: what ends it, or None.
+        wish: what its settings are chosen for, or None.
+        depth_is_asked: True where paths end early because that was asked for, which needs no warning.
+    """
     from fgf_warp.convergence import FIRST_SPP  # noqa: PLC0415 - starts Warp
     from fgf_warp.finishing import as_rendered, render_image  # noqa: PLC0415
     from fgf_warp.output.color import write_png  # noqa: PLC0415
@@ -333,7 +349,7 @@ def _render_picture(
     write_exr(picture.exr, result)
     if picture.png:
         write_png(picture.png, result.aovs.get(Aov.DENOISED, result.radiance))
-    _print_render(result, goal)
+    _print_render(result, goal, depth_is_asked=depth_is_asked)
     if choice is not None:
         typer.echo(f"{choice.seconds + wall:.2f} s in all, with {choice.seconds:.2f} s of the pilot")
     elif goal is not None:
@@ -368,13 +384,13 @@ def _choose_aovs(names: list[str] | None) -> frozenset[Aov] | None:
     return frozenset(Aov(name) for name in names)
 
 
-def _print_render(result: RenderResult, goal: Goal | None) -> None:
+def _print_render(result: RenderResult, goal: Goal | None, *, depth_is_asked: bool) -> None:
     over = "mean" if goal is None else goal.over
     typer.echo(
         f"{result.seconds:.2f} s, {result.samples_per_second:.4g} samples/s, {result.samples} samples per pixel, "
         f"{over} relative standard error {result.relative_error(over):.2%}"
     )
-    if result.truncated_count:
+    if result.truncated_count and not depth_is_asked:
         share = result.truncated_count / result.path_count
         warn(
             [

@@ -21,7 +21,7 @@ from generators.report import Figure, Section, Table, Verdict, write_report
 from generators.stability import furnace
 from generators.stability.furnace import BALANCE, COLLISIONS, CUT, RESCALED, SECONDS, SHOWN, Rendered
 from generators.stability.measurement import Axis, Measurement, Plane, Value
-from generators.stability.run import CELLS, Outcome, conclude
+from generators.stability.outcome import CELLS, Outcome, conclude
 
 REFUSED, OUTSIDE = "#c9ced6", "#d7263d"
 Panel = tuple[Measurement, Plane]

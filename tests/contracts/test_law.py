@@ -180,6 +180,12 @@ def test_no_noise_is_the_exponential_exactly():
     [
         (dict(hurst=-0.495, white_noise_scale=0.1), (), "scattering events cluster"),
         (dict(hurst=0.1, white_noise_scale=0.1, outer_scale=10.0), (1.0,), "not far below the outer scale"),
+        (dict(hurst=0.3, white_noise_scale=0.1, outer_scale=1.0), (1.5,), "by 60 to 200 %"),
+        (dict(hurst=0.3, white_noise_scale=0.1, outer_scale=1.0, line_variance="exact"), (1.5,), "beyond the outer"),
+        (dict(hurst=1.5, white_noise_scale=0.1, outer_scale=1.0), (1.5,), "beyond the outer scale L = 1"),
+        (dict(hurst=0.3, white_noise_scale=0.0, kappa=0.5, outer_scale=1.0), (1.5,), "beyond the outer scale L = 1"),
+        (dict(hurst=0.3, white_noise_scale=0.0, kappa=0.5), (), "without an outer scale L"),
+        (dict(hurst=0.3, white_noise_scale=0.0, kappa=0.5), (1.5,), "without an outer scale L"),
         (dict(hurst=-0.25, white_noise_scale=5.0), (), "modelling choice"),
         (dict(hurst=0.5, kappa=1.0, white_noise_scale=0.0), (), "mean free path is infinite"),
     ],
@@ -187,6 +193,12 @@ def test_no_noise_is_the_exponential_exactly():
 def test_warnings(parameters, lengths, message):
     law = build_line_law(mean_extinction=1.0, **parameters)
     assert [text for text in law.warnings(lengths) if message in text]
+
+
+def test_media_far_below_their_outer_scale_have_no_warning_of_it():
+    for parameters in (dict(white_noise_scale=0.001), dict(white_noise_scale=0.0, kappa=0.5)):
+        law = build_line_law(hurst=0.5, mean_extinction=1.0, outer_scale=100.0, **parameters)
+        assert not [text for text in law.warnings((1.0,)) if "outer scale" in text]
 
 
 def test_plain_parameters_warn_of_nothing():

@@ -63,6 +63,18 @@ def test_flags_become_settings(render, asked):
     assert (usual.max_depth, usual.similarity_order) == (1024, None)
 
 
+@pytest.mark.parametrize(("flags", "is_told"), [((), True), (("--maxDepth", 1), False)])
+def test_paths_that_were_cut_are_told_unless_that_was_asked_for(render, fake_renderer, monkeypatch, flags, is_told):
+    monkeypatch.setattr(
+        fgf_warp.renderer,
+        "render",
+        lambda scene, settings, progress=None: replace(made_up_render(settings), truncated_count=5),
+    )
+    outcome = render(*flags)
+    assert outcome.exit_code == 0
+    assert ("paths (" in outcome.stderr and "were cut after" in outcome.stderr) == is_told
+
+
 def test_an_upscaled_picture_is_as_large_as_asked_for(tmp_path, render, asked):
     assert render("--upscale", 2).exit_code == 0
     assert (asked[0][2].width, asked[0][2].height) == (7, 4)

@@ -216,21 +216,6 @@ def test_display_colors_of_solids_are_one_by_name(read) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("primvars", "message"),
-    [
-        (
-            'color3f[] primvars:displayColor = [(0, 0, 0), (0, 2, 0)] (interpolation = "uniform")',
-            r"displayColor\[1\] = \(0, 2, 0\); accepted: entries of 3 numbers in \[0, 1\]",
-        ),
-        ("float[] primvars:displayOpacity = [-1]", r"displayOpacity\[0\] = \(-1\); accepted: numbers in \[0, 1\]"),
-    ],
-)
-def test_display_values_out_of_range_are_refused(read, primvars: str, message: str) -> None:
-    with pytest.raises(SceneError, match="/M.primvars:" + message):
-        read(mesh(primvars))
-
-
 def test_shapes_of_one_material_share_its_surface(read) -> None:
     prims = RED + "".join(sphere("rel material:binding = </Red>").replace("Ball", name) for name in ("Ball", "Other"))
     first, second = (shape.surface for shape in read(prims).scene.shapes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -120,7 +121,7 @@ def test_each_file_is_read_once(files: ImageFiles, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("content", "reason"),
-    [(None, "there is no such file"), (b"hello", "no picture that can be read: Not a PNG file"), (b"", "no picture")],
+    [(None, "there is no such file"), (b"hello", "no picture that can be read: Not a PNG file"), (b"", "is empty")],
 )
 def test_what_is_no_picture_is_refused(files: ImageFiles, tmp_path: Path, content: bytes | None, reason: str) -> None:
     path = tmp_path / "a.png"
@@ -138,11 +139,27 @@ def test_a_file_that_was_cut_off_is_refused(files: ImageFiles, tmp_path: Path, s
         files.read(str(path))
 
 
-def test_pixels_that_are_not_finite_are_refused(files: ImageFiles, tmp_path: Path) -> None:
+def test_pixels_that_are_not_finite_are_mended_and_counted(files: ImageFiles, tmp_path: Path) -> None:
     pixels = noise(3, np.float32)
-    pixels[0, 0, 0] = np.inf
-    with pytest.raises(SceneError, match="not finite"):
-        files.read(str(write_picture(tmp_path / "a.exr", pixels)))
+    pixels[0, 0] = (np.inf, 0.25, np.nan)
+    pixels[1, 2, 1] = -np.inf
+    file = files.read(str(write_picture(tmp_path / "a.exr", pixels)))
+    assert file.image.pixels[0, 0, :3].tolist() == [65504, 0.25, 0]
+    assert file.image.pixels[1, 2, 1] == -65504
+    assert (file.image.pixels[2:, :, :3] == pixels[2:]).all()
+    (text,) = file.mended
+    assert text.startswith("2 of 35 pixels are not finite; 65504 is used for what is infinite, and 0 for")
+
+
+@pytest.mark.parametrize("made_by", [os.mkfifo, os.mkdir, lambda path: path.symlink_to("/dev/zero")])
+def test_what_is_no_plain_file_is_not_opened(files: ImageFiles, tmp_path: Path, made_by) -> None:
+    """Whoever opens a pipe waits for ever for its other end."""
+    path = tmp_path / "a.png"
+    made_by(path)
+    with pytest.raises(SceneError, match="it is no plain file"):
+        files.read(str(path))
+    with pytest.raises(SceneError, match="it is no plain file"):
+        files.read(f"{path}[b.png]")
 
 
 def test_a_picture_inside_a_package(files: ImageFiles, tmp_path: Path) -> None:

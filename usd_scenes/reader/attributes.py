@@ -7,8 +7,9 @@ which is what its author wrote: -0.49, not -0.49000000953674316. So messages, la
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from pxr import Sdf, Usd, UsdShade
@@ -29,12 +30,14 @@ class Range:
         low: the least.
         high: the largest.
         excludes_low: True where `low` itself is not accepted, so that what is too low has no nearest number.
+        is_cut: False where what is out of it is not to become the nearest number.
     """
 
     words: str
     low: float = -math.inf
     high: float = math.inf
     excludes_low: bool = False
+    is_cut: bool = True
 
     def holds(self, number: float) -> bool:
         """True where a number is accepted."""
@@ -42,7 +45,7 @@ class Range:
 
     def nearest(self, number: float) -> float | None:
         """The accepted number that is nearest; None where there is none."""
-        if math.isnan(number) or (self.excludes_low and number <= self.low):
+        if math.isnan(number) or not (self.is_cut or self.holds(number)) or (self.excludes_low and number <= self.low):
             return None
         near = min(max(number, self.low), self.high)
         return near if math.isfinite(near) else None
@@ -51,6 +54,8 @@ class Range:
 UNIT = Range("[0, 1]", 0.0, 1.0)
 NOT_NEGATIVE = Range(">= 0", 0.0)
 POSITIVE = Range("> 0", 0.0, excludes_low=True)
+FINITE = Range("a finite number")
+COUNTS = {2: "two", 3: "three", 4: "four"}
 
 
 def is_authored(attribute: Usd.Attribute) -> bool:
@@ -97,7 +102,7 @@ def read_number(
     number = float(value)
     if not math.isfinite(number) or not holds(number):
         raise _refusal(attribute, value, accepted)
-    return _as_written(number) if attribute and attribute.GetTypeName() in SINGLE_PRECISION else number
+    return as_written(number) if attribute and attribute.GetTypeName() in SINGLE_PRECISION else number
 
 
 def read_color(
@@ -154,7 +159,7 @@ def read_vector(
         raise _refusal(attribute, value, accepted) from None
     if numbers.shape != (size,) or not (np.isfinite(numbers).all() and all(map(holds, numbers))):
         raise _refusal(attribute, value, accepted)
-    return tuple(_as_written(float(number)) for number in numbers)
+    return tuple(as_written(float(number)) for number in numbers)
 
 
 def read_mended(attribute: Usd.Attribute, context: StageContext, within: Range, default: float) -> float:
@@ -177,48 +182,74 @@ def read_mended(attribute: Usd.Attribute, context: StageContext, within: Range, 
 
 def read_mended_color(attribute: Usd.Attribute, context: StageContext, within: Range, default: Rgb) -> Rgb:
     """The same of a linear Rec.709 color, whose numbers are mended one by one."""
-    words = f"three numbers in {within.words}"
+    r, g, b = read_mended_vector(attribute, context, default, within)
+    return r, g, b
+
+
+def read_mended_vector(
+    attribute: Usd.Attribute, context: StageContext, default: tuple[float, ...], within: Range = FINITE
+) -> tuple[float, ...]:
+    """The same of as many numbers as the default has."""
+    size = len(default)
+    words = f"{size} finite numbers" if within is FINITE else f"{COUNTS.get(size, size)} numbers {_in(within)}"
     try:
-        return read_color(attribute, context.time, default, words, within.holds)
+        return read_vector(attribute, context.time, size, default, words, within.holds)
     except SceneError as error:
-        value = attribute.Get(context.time)
-        found = value if _is_color(value) else default
-        near = [within.nearest(float(number)) for number in found]
-        r, g, b = (other if number is None else number for number, other in zip(near, default, strict=True))
-        context.mend(f"{_after_prim(attribute, error)}; {_listed((r, g, b))} is used", attribute.GetPath())
-        return r, g, b
+        found = _numbers(attribute.Get(context.time), size)
+        near = [None] * size if found is None else [within.nearest(number) for number in found]
+        used = tuple(other if number is None else number for number, other in zip(near, default, strict=True))
+        context.mend(f"{_after_prim(attribute, error)}; {_listed(used)} is used", attribute.GetPath())
+        return used
 
 
-def read_mended_token(attribute: Usd.Attribute, context: StageContext, accepted: tuple[str, ...], default: str) -> str:
+def read_mended_token(
+    attribute: Usd.Attribute,
+    context: StageContext,
+    accepted: tuple[str, ...],
+    default: str,
+    others: Mapping[str, str] = MappingProxyType({}),
+) -> str:
     """One of the `accepted` words.
 
     A value that differs from one in case or separators alone is taken for it, and any other is `default`: either is
     told. A missing one is `default` too.
+
+    Args:
+        attribute: may be undefined.
+        context: the stage, which is told of what is mended.
+        accepted: the words.
+        default: one of them, or what stands for none of them.
+        others: names that programs have for one of them, in small letters without separators.
     """
     try:
         return read_token(attribute, context.time, accepted) or default
     except SceneError as error:
-        alike = {_plain(word): word for word in accepted}
+        alike = {**others, **{_plain(word): word for word in accepted}}
         used = alike.get(_plain(attribute.Get(context.time)), default)
         context.mend(f"{_after_prim(attribute, error)}; {used} is used", attribute.GetPath())
         return used
 
 
+def _in(within: Range) -> str:
+    return f"in {within.words}" if within.words.startswith("[") else within.words
+
+
 def _mended(
     attribute: Usd.Attribute, value: object, error: SceneError, context: StageContext, within: Range, default: float
 ) -> float:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    near = within.nearest(float(value)) if is_number else None  # type: ignore[arg-type]
+    near = within.nearest(float(value)) if isinstance(value, int | float) else None
     used = default if near is None else near
     context.mend(f"{_after_prim(attribute, error)}; {used:g} is used", attribute.GetPath())
     return used
 
 
-def _is_color(value: object) -> bool:
+def _numbers(value: object, size: int) -> list[float] | None:
+    """So many numbers; None of anything else."""
     try:
-        return np.asarray(value, dtype=np.float64).shape == (3,)
+        numbers = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        return False
+        return None
+    return [float(number) for number in numbers] if numbers.shape == (size,) else None
 
 
 def _plain(word: object) -> str:
@@ -273,17 +304,20 @@ def read_token(attribute: Usd.Attribute, time: Usd.TimeCode, accepted: tuple[str
     return value
 
 
-def _as_written(number: float) -> float:
+def as_written(number: float) -> float:
+    """The shortest decimal that the nearest float32 stands for."""
     # Not by str(), whose digits depend on NumPy's print options, which libraries change when they are imported.
     return float(np.format_float_scientific(np.float32(number)))
 
 
-def _shown(number: float) -> str:
+def shown(number: float) -> str:
     """Short where that is the number; in full where the rounding would hide what is wrong."""
     short = f"{number:g}"
     return short if not math.isfinite(number) or float(short) == number else repr(number)
 
 
 def _refusal(attribute: Usd.Attribute, value: object, accepted: str) -> SceneError:
-    shown = "no value" if value is None else _shown(value) if isinstance(value, float) else str(value)
-    return SceneError(f"{attribute.GetPath()} = {shown}; accepted: {accepted}")
+    if isinstance(value, float) and attribute and attribute.GetTypeName() in SINGLE_PRECISION:
+        value = as_written(value)
+    found = "no value" if value is None else shown(value) if isinstance(value, float) else str(value)
+    return SceneError(f"{attribute.GetPath()} = {found}; accepted: {accepted}")

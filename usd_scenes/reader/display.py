@@ -7,16 +7,18 @@ from typing import Any, cast
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
-from fgf_warp.errors import SceneError
 from fgf_warp.scene import PrimvarInput, Rgb, Surface
 from usd_scenes.reader.context import StageContext
+from usd_scenes.reader.primvars import cut_display
 
 
 def display_surface(prim: Usd.Prim, context: StageContext) -> Surface:
     """A diffuse surface of the display color and opacity of a geometry prim, or of the mesh of a GeomSubset.
 
+    Values out of [0, 1] are mended.
+
     Raises:
-        SceneError: for values out of [0, 1].
+        SceneError: for such values, where the stage is read strictly.
     """
     shape = _shape_of(prim)
     found: dict[str, Any] = {
@@ -65,18 +67,15 @@ def _display_input(shape: Usd.Prim, name: str, width: int, context: StageContext
 
 def _values(primvar: UsdGeom.Primvar, width: int, context: StageContext) -> np.ndarray:
     """(n, width) float32, of which there may be none."""
-    path = primvar.GetAttr().GetPath()
     flattened = primvar.ComputeFlattened(context.time)
     try:
         values = np.asarray([] if flattened is None else flattened, dtype=np.float32).reshape(-1, width)
     except (TypeError, ValueError):
-        raise SceneError(f"{path} is no array; accepted: an array of {_entries(width)}") from None
-    outside = ~((values >= 0) & (values <= 1)).all(axis=1)
-    if outside.any():
-        at = int(np.argmax(outside))
-        shown = ", ".join(f"{number:g}" for number in values[at])
-        raise SceneError(f"{path}[{at}] = ({shown}); accepted: {_entries(width)} in [0, 1]")
-    return values
+        text = f"is no array; accepted: an array of {_entries(width)}; it is not used"
+        context.mend(text, primvar.GetAttr().GetPath())
+        return np.zeros((0, width), dtype=np.float32)
+    is_accepted = ((values >= 0) & (values <= 1)).all()
+    return values if is_accepted else cut_display(primvar, values, context)
 
 
 def _entries(width: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +14,13 @@ from pxr import Ar
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import Image, Wrap
+from usd_scenes.reader.color_encoding import Encoding, Transfer, decode, read_encoding
 
 ColorSpace = Literal["auto", "raw", "sRGB"]
 COLOR_SPACES: tuple[ColorSpace, ...] = ("auto", "raw", "sRGB")
+TRANSFERS: dict[ColorSpace, Transfer] = {"raw": "linear", "sRGB": "sRGB"}
+HALF_MAX = 65504.0
+"""The largest number of the 16 bits that most files of light have: what such a file has as infinite is beyond it."""
 WRAPS_OF_FILES: dict[str, Wrap] = {"black": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
 """OpenImageIO's names of wrap modes in the metadata of files."""
 
@@ -26,13 +31,17 @@ class ImageFile:
 
     Args:
         image: the pixels.
-        is_encoded: True where the file's colors were taken to be encoded by the transfer function of sRGB.
+        is_encoded: True where the file's colors were taken to be encoded, by the transfer function of sRGB or another.
         wraps: in s and t, None where the file does not say.
+        mended: what was wrong with its pixels and what was done about it, one text each.
+        told: what it says of its colors that is not followed, one text each.
     """
 
     image: Image
     is_encoded: bool
     wraps: tuple[Wrap | None, Wrap | None]
+    mended: tuple[str, ...] = ()
+    told: tuple[str, ...] = ()
 
 
 class ImageFiles:
@@ -44,13 +53,12 @@ class ImageFiles:
     def read(self, path: str, color_space: ColorSpace = "auto") -> ImageFile:
         """The picture at a path that USD resolved, be it a file or inside a package.
 
-        8-bit pixels stay as they are, and all others become float32. One channel is grey, a second one its alpha.
-        ``auto`` takes 8-bit files of three channels or more for sRGB and all others for linear, as the specification
-        of UsdPreviewSurface asks for where a file does not say.
+        8-bit pixels stay as they are unless they are encoded by a power, and all others become float32. One channel is
+        grey, a second one its alpha. ``auto`` follows the file, and where that does not say takes 8-bit files of three
+        channels or more for sRGB and all others for linear, as the specification of UsdPreviewSurface asks for.
 
         Raises:
-            SceneError: for a file that is not there or no picture, and for pixels that are not finite; the message
-                holds the reason alone.
+            SceneError: for a file that is not there or no picture; the message holds the reason alone.
         """
         key = (path, color_space)
         if key not in self._found:
@@ -65,9 +73,21 @@ class ImageFiles:
 
 
 def _read(path: str, color_space: ColorSpace) -> ImageFile:
-    if Path(path).is_file():
+    # What is no plain file, such as a pipe, may keep whoever opens it waiting for ever.
+    outer, _ = Ar.SplitPackageRelativePathOuter(path)
+    if not outer:
+        raise SceneError("there is no such file")
+    try:
+        found = Path(outer).stat()
+    except (OSError, ValueError):
+        raise SceneError("there is no such file") from None
+    if not stat.S_ISREG(found.st_mode):
+        raise SceneError("it is no plain file")
+    if outer == path:
+        if not found.st_size:
+            raise SceneError("the file is empty")
         return _decoded(path, path, color_space)
-    asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path)) if path else None
+    asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
     if asset is None:
         raise SceneError("there is no such file")
     with tempfile.NamedTemporaryFile(suffix=f".{Ar.GetResolver().GetExtension(path)}") as copy:
@@ -84,15 +104,39 @@ def _decoded(file: str, name: str, color_space: ColorSpace) -> ImageFile:
         spec = reader.spec()
         is_8_bit = spec.format == oiio.UINT8
         pixels = _pixels(reader, spec, oiio.UINT8 if is_8_bit else oiio.FLOAT)
+        file_format = reader.format_name()
     finally:
         reader.close()
-    is_encoded = color_space == "sRGB" or (color_space == "auto" and is_8_bit and spec.nchannels >= 3)
+    said = (
+        read_encoding(file, spec.getattribute, file_format)
+        if color_space == "auto"
+        else Encoding(TRANSFERS[color_space])
+    )
+    usual: Transfer = "sRGB" if is_8_bit and spec.nchannels >= 3 else "linear"
+    transfer = usual if said.transfer is None else said.transfer
     rgba = _rgba(pixels, 255 if is_8_bit else 1, spec.alpha_channel)
-    if not is_8_bit and is_encoded:
-        rgba[..., :3] = _decode_srgb(rgba[..., :3])
-    if not is_8_bit and not np.isfinite(rgba).all():
-        raise SceneError("it holds pixels that are not finite")
-    return ImageFile(Image(name, rgba, is_srgb=is_8_bit and is_encoded), is_encoded, _wraps(spec))
+    if is_8_bit and transfer in ("linear", "sRGB"):
+        image = Image(name, rgba, is_srgb=transfer == "sRGB")
+        return ImageFile(image, transfer != "linear", _wraps(spec), told=said.told)
+    if is_8_bit:
+        rgba = rgba.astype(np.float32) / np.float32(255)
+    mended = _make_finite(rgba)
+    if transfer != "linear":
+        rgba[..., :3] = decode(rgba[..., :3], transfer)
+    return ImageFile(Image(name, rgba), transfer != "linear", _wraps(spec), mended, said.told)
+
+
+def _make_finite(rgba: np.ndarray) -> tuple[str, ...]:
+    """Puts numbers in the place of what is none, and says of how many pixels."""
+    is_finite = np.isfinite(rgba)
+    if is_finite.all():
+        return ()
+    count = int((~is_finite.all(axis=-1)).sum())
+    np.nan_to_num(rgba, copy=False, nan=0.0, posinf=HALF_MAX, neginf=-HALF_MAX)
+    text = (
+        f"{count} of {is_finite.shape[0] * is_finite.shape[1]} pixels are not finite; {HALF_MAX:g} is used for what is"
+    )
+    return (f"{text} infinite, and 0 for what is no number",)
 
 
 def _straight_alpha() -> oiio.ImageSpec:
@@ -129,12 +173,6 @@ def _rgba(pixels: np.ndarray, opaque: int, alpha_channel: int) -> np.ndarray:
     if alpha > 0:
         rgba[..., 3] = pixels[..., alpha]
     return rgba
-
-
-def _decode_srgb(encoded: np.ndarray) -> np.ndarray:
-    """Linear from encoded values, by the transfer function of IEC 61966-2-1."""
-    steep = np.maximum((encoded + 0.055) / 1.055, 0.0) ** 2.4
-    return np.where(encoded <= 0.04045, encoded / 12.92, steep)
 
 
 def _wraps(spec: oiio.ImageSpec) -> tuple[Wrap | None, Wrap | None]:

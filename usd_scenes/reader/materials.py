@@ -11,7 +11,7 @@ from usd_scenes.reader import preview_surface
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.display import display_sources, display_surface
 from usd_scenes.reader.medium import ends_in_surface, has_medium, read_medium
-from usd_scenes.reader.preview_surface import read_preview_surface
+from usd_scenes.reader.preview_surface import displaces, read_preview_surface
 from usd_scenes.schema import SCHEMA_NAME
 
 RENDER_CONTEXT = "fgf"
@@ -102,7 +102,8 @@ class MaterialReader:
     def _read(self, material: UsdShade.Material) -> _Reading:
         prim, context = material.GetPrim(), self._context
         shader = material.ComputeSurfaceSource(RENDER_CONTEXT)[0]
-        if material.ComputeDisplacementSource(RENDER_CONTEXT)[0]:
+        displacement = material.ComputeDisplacementSource(RENDER_CONTEXT)[0]
+        if displacement and displaces(displacement, context):
             context.notes.add("displacement is not rendered", prim.GetPath())
         if not has_medium(prim, context):
             if material.ComputeVolumeSource(RENDER_CONTEXT)[0]:

@@ -9,21 +9,21 @@ class Notes:
     """Collects warnings: one text per kind, which lists the prims it holds for."""
 
     def __init__(self) -> None:
-        self._paths: dict[str, list[str]] = {}
+        self._paths: dict[str, dict[str, None]] = {}
 
     def add(self, text: str, path: object = "") -> None:
         """Notes `text` for the prim or attribute at `path`, or for the whole stage."""
-        paths = self._paths.setdefault(text, [])
-        if path and str(path) not in paths:
-            paths.append(str(path))
+        paths = self._paths.setdefault(text, {})
+        if path:
+            paths[str(path)] = None
 
     def entries(self) -> tuple[tuple[str, str], ...]:
         """Each warning for each path that it holds for, as (text, path); the path is empty of the whole stage."""
-        return tuple((text, path) for text, paths in self._paths.items() for path in paths or [""])
+        return tuple((text, path) for text, paths in self._paths.items() for path in paths or ("",))
 
     def texts(self) -> tuple[str, ...]:
         """The warnings in the order in which their kinds were met."""
-        return tuple(_with_paths(text, paths) for text, paths in self._paths.items())
+        return tuple(_with_paths(text, [*paths]) for text, paths in self._paths.items())
 
 
 def _with_paths(text: str, paths: list[str]) -> str:

@@ -40,7 +40,7 @@ class Policy:
             SceneError: where the stage is read strictly.
         """
         if self.strict:
-            raise SceneError(f"{path}: {text}")
+            raise SceneError(_found(path, text))
         self.notes.add(text, path)
 
     @contextmanager
@@ -82,3 +82,9 @@ def _text(error: Exception) -> str:
 def _without_path(path: str, text: str) -> str:
     """A message without the path that it begins with, which the warning names anyway."""
     return text.removeprefix(f"{path}: ").removeprefix(f"{path}.")
+
+
+def _found(path: object, text: str) -> str:
+    """What `Policy.mend` is told, without what would be done; a value follows its attribute's path."""
+    found = text.rpartition("; ")[0] or text
+    return f"{path} {found}" if found.startswith(("= ", "is ")) else f"{path}: {found}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
 from pxr import Usd, UsdShade
@@ -11,7 +10,16 @@ from pxr import Usd, UsdShade
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import BLACK, ColorInput, FloatInput, PrimvarInput, Rgb, Surface, TextureInput
 from usd_scenes.reader import uv_texture
-from usd_scenes.reader.attributes import read_color, read_number, read_token
+from usd_scenes.reader.attributes import (
+    FINITE,
+    NOT_NEGATIVE,
+    POSITIVE,
+    UNIT,
+    Range,
+    read_mended,
+    read_mended_color,
+    read_mended_token,
+)
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.shading_network import Output, ignore, own_attribute, primvar_name, source_of, value_of
 from usd_scenes.reader.uv_texture import (
@@ -34,18 +42,8 @@ NOT_USED = {"displacement": 0.0, "occlusion": 1.0}
 """Inputs that are not rendered, and the values at which that needs no warning."""
 
 
-@dataclass(frozen=True)
-class Range:
-    """Accepted numbers, in words and as a test."""
-
-    words: str
-    holds: Callable[[float], bool]
-
-
-UNIT = Range("in [0, 1]", lambda x: 0 <= x <= 1)
-UNIT_COLOR = Range("three numbers in [0, 1]", UNIT.holds)
-RADIANCE = Range("three finite numbers >= 0", lambda x: x >= 0)
-POSITIVE = Range("> 0", lambda x: x > 0)
+ZERO_OR_ONE = Range("0 or 1", 0.0, 1.0)
+OPACITY_MODES = ("transparent", "presence")
 
 
 def read_preview_surface(shader: UsdShade.Shader, context: StageContext) -> Surface:
@@ -53,16 +51,18 @@ def read_preview_surface(shader: UsdShade.Shader, context: StageContext) -> Surf
 
     What an input is connected to and cannot be rendered is named in a warning, and the input's own value is used.
 
+    A value out of its range is mended.
+
     Raises:
-        SceneError: for a value out of its range, or for what is missing where the stage is read strictly.
+        SceneError: for what is missing or out of its range, where the stage is read strictly.
     """
     _note_what_is_not_used(shader, context)
-    has_specular_color = _constant(shader, "useSpecularWorkflow", 0.0, Range("0 or 1", lambda x: x in (0, 1)), context)
-    mode = read_token(value_of(shader, "opacityMode", context), context.time, ("transparent", "presence"))
+    has_specular_color = _constant(shader, "useSpecularWorkflow", 0.0, ZERO_OR_ONE, context)
+    mode = read_mended_token(value_of(shader, "opacityMode", context), context, OPACITY_MODES, OPACITY_MODES[0])
     values: dict[str, Any] = dict(
-        diffuse=_color(shader, "diffuseColor", DIFFUSE, UNIT_COLOR, context),
-        emission=_color(shader, "emissiveColor", BLACK, RADIANCE, context),
-        specular=_color(shader, "specularColor", BLACK, UNIT_COLOR, context) if has_specular_color else None,
+        diffuse=_color(shader, "diffuseColor", DIFFUSE, UNIT, context),
+        emission=_color(shader, "emissiveColor", BLACK, NOT_NEGATIVE, context),
+        specular=_color(shader, "specularColor", BLACK, UNIT, context) if has_specular_color else None,
         metallic=0.0 if has_specular_color else _number(shader, "metallic", 0.0, context),
         roughness=_number(shader, "roughness", 0.5, context),
         clearcoat=_number(shader, "clearcoat", 0.0, context),
@@ -79,19 +79,24 @@ def read_preview_surface(shader: UsdShade.Shader, context: StageContext) -> Surf
         raise SceneError(f"{shader.GetPath()}: {error}") from error
 
 
+def displaces(shader: UsdShade.Shader, context: StageContext) -> bool:
+    """False of what a material's displacement may be connected to without moving anything."""
+    return shader.GetShaderId() != KIND or not _is_harmless(shader, "displacement", context)
+
+
 def _constant(shader: UsdShade.Shader, name: str, default: float, accepted: Range, context: StageContext) -> float:
-    return read_number(value_of(shader, name, context), context.time, default, accepted.words, accepted.holds)
+    return read_mended(value_of(shader, name, context), context, accepted, default)
 
 
 def _number(shader: UsdShade.Shader, name: str, default: float, context: StageContext) -> FloatInput:
     def read(attribute: Usd.Attribute, default: float) -> float:
-        return read_number(attribute, context.time, default, UNIT.words, UNIT.holds)
+        return read_mended(attribute, context, UNIT, default)
 
     source = source_of(shader, name, context)
     if not isinstance(source, Output):
         return read(source, default)
     if source.kind == uv_texture.KIND and source.name in uv_texture.CHANNELS:
-        texture, fallback = read_texture_input(source, context), read_fallback(source, context)
+        texture, fallback = read_texture_input(source, context), read_fallback(source, UNIT, context)
         if texture:
             alpha = constant_alpha(texture)
             return alpha if alpha is not None and UNIT.holds(alpha) else texture
@@ -101,13 +106,13 @@ def _number(shader: UsdShade.Shader, name: str, default: float, context: StageCo
 
 def _color(shader: UsdShade.Shader, name: str, default: Rgb, accepted: Range, context: StageContext) -> ColorInput:
     def read(attribute: Usd.Attribute, default: Rgb) -> Rgb:
-        return read_color(attribute, context.time, default, accepted.words, accepted.holds)
+        return read_mended_color(attribute, context, accepted, default)
 
     source = source_of(shader, name, context)
     if not isinstance(source, Output):
         return read(source, default)
     if source.kind == uv_texture.KIND and source.name == "rgb":
-        fallback = cast(Rgb | None, read_fallback(source, context))
+        fallback = cast(Rgb | None, read_fallback(source, accepted, context))
         return read_texture_input(source, context) or fallback or missing_colors(source, context)
     return _primvar(source, COLOR_READERS, read, BLACK, context) or read(ignore(source, shader, name, context), default)
 
@@ -126,13 +131,17 @@ def _normal(shader: UsdShade.Shader, context: StageContext) -> TextureInput | No
         return read_normal_map(source, context)
     if isinstance(source, Output):
         source = ignore(source, shader, "normal", context)
-    if read_color(source, context.time, UNBENT) != UNBENT:
+    if read_mended_color(source, context, FINITE, UNBENT) != UNBENT:
         context.notes.add("normals are read from textures only: the shape's own are used", source.GetPath())
     return None
 
 
 def _note_what_is_not_used(shader: UsdShade.Shader, context: StageContext) -> None:
-    for name, harmless in NOT_USED.items():
-        source = source_of(shader, name, context)
-        if isinstance(source, Output) or (source and source.Get(context.time) not in (None, harmless)):
+    for name in NOT_USED:
+        if not _is_harmless(shader, name, context):
             context.notes.add(f"{name} is not rendered", f"{shader.GetPath()}.inputs:{name}")
+
+
+def _is_harmless(shader: UsdShade.Shader, name: str, context: StageContext) -> bool:
+    source = source_of(shader, name, context)
+    return not isinstance(source, Output) and (not source or source.Get(context.time) in (None, NOT_USED[name]))

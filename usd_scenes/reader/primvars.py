@@ -8,9 +8,14 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from fgf_warp.scene import Surface
+from usd_scenes.reader.attributes import as_written, shown
 from usd_scenes.reader.context import StageContext
 
 INTERPOLATIONS = ("constant", "uniform", "varying", "vertex", "faceVarying")
+
+
+DISPLAY_FALLBACKS = {"displayColor": 0.18, "displayOpacity": 1.0}
+"""What takes the place of a number that is none, as where nothing is authored."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +98,40 @@ def read_values(primvar: UsdGeom.Primvar, context: StageContext) -> np.ndarray |
         values = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         values = np.array(np.nan)
+    if primvar.GetPrimvarName() in DISPLAY_FALLBACKS and values.size and not np.isfinite(values).all():
+        values = cut_display(primvar, values, context)
     if not np.isfinite(values).all():
         context.notes.add("primvar without finite numbers is left out", path)
         return None
     if not primvar.GetTypeName().isArray:
         values = values[None]
     return values.reshape(len(values), -1) if values.size else values.reshape(0, 1)
+
+
+def cut_display(primvar: UsdGeom.Primvar, values: np.ndarray, context: StageContext) -> np.ndarray:
+    """Values of displayColor or displayOpacity in [0, 1], with a warning that says what some of them were.
+
+    Args:
+        primvar: either of them.
+        values: its values, with or without indices, some of them out of [0, 1] or not finite.
+        context: the stage.
+
+    Raises:
+        SceneError: in place of the warning, where the stage is read strictly.
+    """
+    name = primvar.GetPrimvarName()
+    fallback = DISPLAY_FALLBACKS[name]
+    own = np.asarray(primvar.Get(context.time), dtype=np.float64).reshape(-1, 3 if name == "displayColor" else 1)
+    outside = ~((own >= 0) & (own <= 1)).all(axis=1)
+    at = int(np.argmax(outside))
+    found = ", ".join(shown(as_written(number)) for number in own[at])
+    text = (
+        f"{int(outside.sum())} of {len(own)} values are out of [0, 1], the first is [{at}] = ({found}); numbers are "
+        f"cut to [0, 1], and what is none becomes {fallback:g}"
+    )
+    context.mend(text, primvar.GetAttr().GetPath())
+    cut: np.ndarray = np.where(np.isnan(values), values.dtype.type(fallback), np.clip(values, 0, 1))
+    return cut
 
 
 def read_indices(primvar: UsdGeom.Primvar, context: StageContext) -> np.ndarray | None:

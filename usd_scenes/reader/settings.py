@@ -216,8 +216,15 @@ def _numbers(attribute: Usd.Attribute, time: Usd.TimeCode, count: int) -> np.nda
 
 def _note_what_is_not_read(settings: Usd.Prim, context: StageContext) -> None:
     purposes = settings.GetAttribute("materialBindingPurposes")
-    if tuple(purposes.Get(context.time) or ()) not in (FULL_BINDING, FULL_BINDING[:1]):
+    asked = tuple("" if purpose == "allPurpose" else purpose for purpose in purposes.Get(context.time) or ())
+    if asked not in (FULL_BINDING, FULL_BINDING[:1]) and (asked != ("",) or _has_full_binding(context.stage)):
         context.notes.add("materials are those bound for the purpose full, whatever it says", purposes.GetPath())
     space = settings.GetAttribute("renderingColorSpace")
     if space.Get(context.time) not in (None, "", *LINEAR_SPACES):
         context.notes.add("images are rendered in linear Rec.709, whatever it says", space.GetPath())
+
+
+def _has_full_binding(stage: Usd.Stage) -> bool:
+    """True where a material is bound for the purpose full alone."""
+    names = (name for prim in stage.TraverseAll() for name in prim.GetAuthoredPropertyNames())
+    return any(name.startswith("material:binding") and "full" in name.split(":") for name in names)

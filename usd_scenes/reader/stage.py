@@ -29,6 +29,7 @@ from usd_scenes.reader.policy import Policy
 from usd_scenes.reader.settings import Product, StageSettings, read_settings
 from usd_scenes.reader.shapes import ShapeReader
 from usd_scenes.reader.traversal import walk
+from usd_scenes.reader.unread import PropertyCheck
 
 PURPOSES = ("default", "render", "proxy", "guide")
 DEFAULT_PURPOSES = frozenset({"default", "render"})
@@ -267,19 +268,22 @@ def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticT
 
 def _read_prims(context: StageContext, materials: MaterialReader) -> tuple[list[Shape], list[Light]]:
     shapes = ShapeReader(context, materials)
+    properties = PropertyCheck(context)
     lights: list[tuple[Usd.Prim, Light]] = []
     found = list(walk(context))
-    emitting = emitting_meshes(met.prim for met in found if not met.copies)
+    emitting = emitting_meshes(met.prim for met in found if met.has_purpose and not met.copies)
     for met in found:
         with context.going_on():
             prim = met.prim
             _note_misplaced(prim, context)
+            properties.check(prim)
             if is_light(prim):
                 if met.copies:
                     context.notes.add("a light that is part of an instancer gives no light", prim.GetPath())
-                elif met.has_purpose or not prim.IsA(UsdGeom.Gprim):
-                    light = read_light(prim, context)
-                    lights.extend([(prim, light)] if light else [])
+                elif met.has_purpose:
+                    with context.leaving_out(prim.GetPath(), "the light is left out"):
+                        light = read_light(prim, context)
+                        lights.extend([(prim, light)] if light else [])
             emits = prim.GetPath() in emitting or (is_light(prim) and prim.IsA(UsdGeom.Mesh))
             if met.has_purpose and not emits and not shapes.read(met) and _is_unsupported(prim):
                 context.notes.add(f"{prim.GetTypeName()} is not supported and is left out", prim.GetPath())

@@ -13,22 +13,25 @@ TILES_ACROSS = 10
 """Tile 1001 + u + 10 v of a UDIM set fills the unit square at (u, v)."""
 
 
-def read_image(attribute: Usd.Attribute, context: StageContext, color_space: ColorSpace = "auto") -> ImageFile | None:
+def read_image(
+    attribute: Usd.Attribute, context: StageContext, color_space: ColorSpace = "auto", done: str = ""
+) -> ImageFile | None:
     """The picture that an attribute names; None, with a warning, where there is none or it is damaged.
 
     Args:
         attribute: of an asset path.
         context: the stage.
         color_space: that the file's colors are in.
+        done: what is done without a picture, for the warning; empty where that depends.
 
     Raises:
         SceneError: in place of the warning, where the stage is read strictly.
     """
     asset = attribute.Get(context.time)
     if not isinstance(asset, Sdf.AssetPath) or not asset.path:
-        context.mend("names no picture", attribute.GetPath())
+        context.mend("names no picture" + (f"; {done}" if done else ""), attribute.GetPath())
         return None
-    return _read_file(asset.resolvedPath, asset.path, attribute, context, color_space)
+    return _read_file(asset.resolvedPath, asset.path, attribute, context, color_space, done)
 
 
 def read_tiles(
@@ -65,13 +68,23 @@ def is_udim(attribute: Usd.Attribute, time: Usd.TimeCode) -> bool:
 
 
 def _read_file(
-    resolved: str, shown: str, attribute: Usd.Attribute, context: StageContext, color_space: ColorSpace
+    resolved: str,
+    shown: str,
+    attribute: Usd.Attribute,
+    context: StageContext,
+    color_space: ColorSpace,
+    done: str = "",
 ) -> ImageFile | None:
     try:
-        return context.images.read(resolved, color_space)
+        file = context.images.read(resolved, color_space)
     except SceneError as error:
-        context.mend(f"{shown}: {error}", attribute.GetPath())
+        context.mend(f"{shown}: {error}" + (f"; {done}" if done else ""), attribute.GetPath())
         return None
+    for text in file.mended:
+        context.mend(f"{shown}: {text}", attribute.GetPath())
+    for text in file.told:
+        context.notes.add(f"{shown}: {text}", attribute.GetPath())
+    return file
 
 
 def _layer_of_value(attribute: Usd.Attribute, time: Usd.TimeCode) -> Sdf.Layer | None:

@@ -11,7 +11,14 @@ import numpy as np
 from pxr import UsdShade
 
 from fgf_warp.scene import WRAPS, Image, Texture, TextureInput, Vec3, Vec4, Wrap
-from usd_scenes.reader.attributes import is_authored, read_number, read_token, read_vector
+from usd_scenes.reader.attributes import (
+    FINITE,
+    Range,
+    is_authored,
+    read_mended,
+    read_mended_token,
+    read_mended_vector,
+)
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.images import COLOR_SPACES, ColorSpace, ImageFile
 from usd_scenes.reader.shading_network import Output, ignore, primvar_name, source_of, value_of
@@ -23,6 +30,21 @@ CHANNELS = ("r", "g", "b", "a")
 NORMAL_SCALE = (2.0, 2.0, 2.0)
 NORMAL_BIAS = (-1.0, -1.0, -1.0)
 """Take the texels of a normal map from [0, 1] to [-1, 1]."""
+FALLBACK = (0.0, 0.0, 0.0, 1.0)
+OTHER_COLOR_SPACES = {
+    "srgbtexture": "sRGB",
+    "srgbrec709scene": "sRGB",
+    "srgbrec709display": "sRGB",
+    "linear": "raw",
+    "linrec709": "raw",
+    "linrec709scene": "raw",
+    "linsrgb": "raw",
+    "data": "raw",
+    "noncolor": "raw",
+}
+"""What color configurations call the spaces that a UsdUVTexture names otherwise."""
+OTHER_WRAPS = {"clamptoedge": "clamp", "clamptoborder": "black", "mirroredrepeat": "mirror", "periodic": "repeat"}
+"""What OpenGL and OpenImageIO call the ways to wrap."""
 
 
 def _squares() -> Image:
@@ -40,7 +62,7 @@ def read_texture_input(output: Output, context: StageContext) -> TextureInput | 
     """An output of a UsdUVTexture; None, with a warning, where none of its images can be read.
 
     Raises:
-        SceneError: for a value that is not accepted, or in place of the warning where the stage is read strictly.
+        SceneError: in place of a warning, where the stage is read strictly.
     """
     files = _files(output.shader, context)
     return _texture_input(output, _texture(output.shader, files, context), context) if files else None
@@ -61,11 +83,13 @@ def constant_alpha(texture_input: TextureInput) -> float | None:
     return texture_input.scale[3] + texture_input.bias[3] if is_opaque else None
 
 
-def read_fallback(output: Output, context: StageContext) -> tuple[float, ...] | None:
+def read_fallback(output: Output, accepted: Range, context: StageContext) -> tuple[float, ...] | None:
     """What the output is where no image can be read: three numbers or one; None where no fallback is authored.
 
-    Raises:
-        SceneError: for values that are no numbers.
+    Args:
+        output: of the texture.
+        accepted: numbers of the input that it is connected to; what is out of them is mended.
+        context: the stage.
     """
     attribute = value_of(output.shader, "fallback", context)
     if not attribute or not is_authored(attribute):
@@ -73,10 +97,15 @@ def read_fallback(output: Output, context: StageContext) -> tuple[float, ...] | 
     rgba = [
         value * scale + bias
         for value, scale, bias in zip(
-            read_vector(attribute, context.time, 4), *_scale_and_bias(output.shader, context), strict=True
+            read_mended_vector(attribute, context, FALLBACK), *_scale_and_bias(output.shader, context), strict=True
         )
     ]
-    return tuple(rgba[:3]) if output.name == "rgb" else (rgba[CHANNELS.index(output.name)],)
+    found = rgba[:3] if output.name == "rgb" else [rgba[CHANNELS.index(output.name)]]
+    used = tuple(number if near is None else near for number in found for near in [accepted.nearest(number)])
+    if used != tuple(found):
+        text = f"scale * fallback + bias is out of {accepted.words} and is cut to it"
+        context.mend(text, attribute.GetPath())
+    return used
 
 
 def missing_colors(output: Output, context: StageContext) -> TextureInput:
@@ -109,8 +138,8 @@ def _files(shader: UsdShade.Shader, context: StageContext) -> Mapping[tuple[int,
     if not attribute:
         context.mend("names no picture", f"{shader.GetPath()}.inputs:file")
         return {}
-    name = read_token(value_of(shader, "sourceColorSpace", context), context.time, COLOR_SPACES)
-    color_space = cast(ColorSpace, name or "auto")
+    space = value_of(shader, "sourceColorSpace", context)
+    color_space = cast(ColorSpace, read_mended_token(space, context, COLOR_SPACES, "auto", OTHER_COLOR_SPACES))
     if is_udim(attribute, context.time):
         return read_tiles(attribute, context, color_space)
     file = read_image(attribute, context, color_space)
@@ -118,7 +147,7 @@ def _files(shader: UsdShade.Shader, context: StageContext) -> Mapping[tuple[int,
 
 
 def _texture(shader: UsdShade.Shader, files: Mapping[tuple[int, int], ImageFile], context: StageContext) -> Texture:
-    r, g, b, a = read_vector(value_of(shader, "fallback", context), context.time, 4, (0.0, 0.0, 0.0, 1.0))
+    r, g, b, a = read_mended_vector(value_of(shader, "fallback", context), context, FALLBACK)
     wrap_s, wrap_t = (
         _wrap(shader, name, of_file, context)
         for name, of_file in zip(("wrapS", "wrapT"), next(iter(files.values())).wraps, strict=True)
@@ -133,8 +162,9 @@ def _texture(shader: UsdShade.Shader, files: Mapping[tuple[int, int], ImageFile]
 
 
 def _wrap(shader: UsdShade.Shader, name: str, of_file: Wrap | None, context: StageContext) -> Wrap:
-    token = read_token(value_of(shader, name, context), context.time, (*WRAPS, "useMetadata"))
-    return token if token in WRAPS else of_file or "black"
+    accepted = (*WRAPS, "useMetadata")
+    token = read_mended_token(value_of(shader, name, context), context, accepted, "useMetadata", OTHER_WRAPS)
+    return next((wrap for wrap in WRAPS if wrap == token), of_file or "black")
 
 
 def _texture_input(output: Output, texture: Texture, context: StageContext) -> TextureInput:
@@ -146,8 +176,8 @@ def _texture_input(output: Output, texture: Texture, context: StageContext) -> T
 
 
 def _scale_and_bias(shader: UsdShade.Shader, context: StageContext) -> tuple[Vec4, Vec4]:
-    scale = read_vector(value_of(shader, "scale", context), context.time, 4, (1.0, 1.0, 1.0, 1.0))
-    bias = read_vector(value_of(shader, "bias", context), context.time, 4, (0.0, 0.0, 0.0, 0.0))
+    scale = read_mended_vector(value_of(shader, "scale", context), context, (1.0, 1.0, 1.0, 1.0))
+    bias = read_mended_vector(value_of(shader, "bias", context), context, (0.0, 0.0, 0.0, 0.0))
     return cast(Vec4, scale), cast(Vec4, bias)
 
 
@@ -177,16 +207,15 @@ def _coordinates(texture: UsdShade.Shader, context: StageContext) -> _Coordinate
             value = ignore(source, shader, name, context)
     elif not source:
         context.notes.add("texture without texture coordinates shows one texel", texture.GetPath())
-    s, t = read_vector(value, context.time, 2, (0.0, 0.0))
+    s, t = read_mended_vector(value, context, (0.0, 0.0))
     first, second = (cast(Vec3, tuple(map(float, row))) for row in to_texture[:2])
     return _Coordinates(primvar, (s, t), (first, second))
 
 
 def _transform_2d(shader: UsdShade.Shader, context: StageContext) -> np.ndarray:
     """(3, 3) of a UsdTransform2d, which scales, then turns, then moves."""
-    time = context.time
-    angle = math.radians(read_number(value_of(shader, "rotation", context), time, 0.0))
-    scale_s, scale_t = read_vector(value_of(shader, "scale", context), time, 2, (1.0, 1.0))
-    move_s, move_t = read_vector(value_of(shader, "translation", context), time, 2, (0.0, 0.0))
+    angle = math.radians(read_mended(value_of(shader, "rotation", context), context, FINITE, 0.0))
+    scale_s, scale_t = read_mended_vector(value_of(shader, "scale", context), context, (1.0, 1.0))
+    move_s, move_t = read_mended_vector(value_of(shader, "translation", context), context, (0.0, 0.0))
     cos, sin = math.cos(angle), math.sin(angle)
     return np.array([[cos * scale_s, -sin * scale_t, move_s], [sin * scale_s, cos * scale_t, move_t], [0.0, 0.0, 1.0]])

@@ -1,0 +1,118 @@
+"""What is authored and not read is named once, with what may be meant; what is not for this renderer is left alone."""
+
+from __future__ import annotations
+
+import pytest
+from pxr import Usd
+
+from fgf_warp.errors import SceneError
+from tests.usd.prims import preview_sphere
+from usd_scenes.reader import unread as unread_module
+from usd_scenes.reader.context import StageContext
+
+BALL = 'def Sphere "Ball"\n{\n}\n'
+MEANT = [
+    ("DomeLight", "float intensity = 0.1", "inputs:intensity"),
+    ("DistantLight", "float angle = 5", "inputs:angle"),
+    ("SphereLight", "color3f color = (1, 0, 0)", "inputs:color"),
+    ("RectLight", "float shaping:cone:angle = 20", "inputs:shaping:cone:angle"),
+    ("RectLight", "asset texture:file = @a.png@", "inputs:texture:file"),
+    ("SphereLight", "bool shadow:enable = 0", "inputs:shadow:enable"),
+    ("SphereLight", "float inputs:itensity = 3", "inputs:intensity"),
+    ("SphereLight", "float inputs:intenstiy = 3", "inputs:intensity"),
+    ("SphereLight", "bool treatAsPiont = 1", "treatAsPoint"),
+    ("Camera", "float focallength = 20", "focalLength"),
+    ("Camera", "float fstop = 2", "fStop"),
+    ("Camera", "float focusDistence = 2", "focusDistance"),
+    ("Mesh", 'uniform token subdivisionscheme = "none"', "subdivisionScheme"),
+    ("Mesh", "point3f[] point = []", "points"),
+    ("Xform", 'token visiblity = "invisible"', "visibility"),
+    ("RenderSettings", "int2 resolutoin = (4, 4)", "resolution"),
+    ("RenderProduct", "float pixelaspectratio = 2", "pixelAspectRatio"),
+]
+
+
+def unread(reading) -> list[str]:
+    return [text for text in reading.warnings if "is not read" in text]
+
+
+@pytest.mark.parametrize(("kind", "body", "meant"), MEANT)
+def test_names_that_are_not_quite_right_are_told(read, kind: str, body: str, meant: str) -> None:
+    name = body.split(" =", maxsplit=1)[0].rsplit(maxsplit=1)[-1]
+    prim = f'def {kind} "P"\n{{\n{body}\n}}\n'
+    assert unread(read(BALL + prim)) == [f"is not read: {meant} may be meant: /P.{name}"]
+    with pytest.raises(SceneError, match=f"/P.{name} is not read: {meant} may be meant"):
+        read(BALL + prim, strict=True)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "text"),
+    [
+        ("float inputs:rougness = 0.1", "inputs:roughness may be meant"),
+        ("color3f inputs:diffusecolor = (1, 0, 0)", "inputs:diffuseColor may be meant"),
+        ("float roughness = 0.1", "inputs:roughness may be meant"),
+        ("float inputs:sparkle = 0.1", "a UsdPreviewSurface has no such input"),
+    ],
+)
+def test_inputs_of_shaders_that_are_none_are_told(read, inputs: str, text: str) -> None:
+    name = inputs.split(" =", maxsplit=1)[0].rsplit(maxsplit=1)[-1]
+    assert unread(read(preview_sphere(inputs))) == [f"is not read: {text}: /Look/Surface.{name}"]
+
+
+def test_inputs_of_lights_that_are_none_are_told(read) -> None:
+    light = 'def DiskLight "L"\n{\nasset inputs:texture:file = @a.png@\nfloat inputs:sparkle = 1\n}\n'
+    paths = "/L.inputs:sparkle, /L.inputs:texture:file"
+    assert unread(read(BALL + light)) == [f"is not read: a DiskLight has no such input: {paths}"]
+
+
+def test_prims_with_one_fault_have_one_warning(read) -> None:
+    lamps = "".join(f'def SphereLight "L{i}"\n{{\nfloat intensity = 1\n}}\n' for i in range(3))
+    paths = ", ".join(f"/L{i}.intensity" for i in range(3))
+    assert unread(read(BALL + lamps)) == [f"is not read: inputs:intensity may be meant: {paths}"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "body"),
+    [
+        ("SphereLight", "float intensity = 1\nfloat inputs:intensity = 1"),  # Both are written for readers old and new.
+        ("SphereLight", "float ri:light:intensity = 1\nfloat karma:intensity = 1\nfloat inputs:arnold:exposure = 1"),
+        ("Mesh", "int[] faceVertexCounts = []\nfloat[] primvars:point = []\nfloat userProperties:points = 1"),
+        ("Xform", 'string comment = "mine"\nfloat weight = 3\ncustom float size = 2'),
+        ("Camera", "float3[] extent = []\ndouble3 xformOp:translate = (0, 0, 0)"),
+        ("RenderSettings", "int arnold:global:AA_samples = 3"),
+        ("Sphere", "uniform bool doubleSided = 1"),
+        ("BasisCurves", "float[] widths = [1]\nfloat[] width = [1]"),
+        ("Scope", "rel thing = </Ball>"),
+    ],
+)
+def test_what_is_for_others_needs_no_warning(read, kind: str, body: str) -> None:
+    assert unread(read(BALL + f'def {kind} "P"\n{{\n{body}\n}}\n')) == []
+
+
+def test_what_a_schema_has_and_is_not_rendered_is_told_unless_it_changes_nothing(read) -> None:
+    for value, is_told in (("bounds", True), ("inherited", False)):
+        model = f"""def Xform "M" (
+    prepend apiSchemas = ["GeomModelAPI", "MotionAPI"]
+)
+{{
+    uniform token model:drawMode = "{value}"
+    float motion:blurScale = {2 if is_told else 1}
+}}
+"""
+        told = ["model:drawMode is not read: /M", "motion:blurScale is not read: /M"]
+        assert sorted(unread(read(BALL + model))) == (told if is_told else [])
+
+
+def test_a_name_is_looked_into_once_for_all_prims_of_a_type(monkeypatch) -> None:
+    """So that 10,000 prims take less than a second."""
+    stage = Usd.Stage.CreateInMemory()
+    lamps = (f'def SphereLight "L{i}"\n{{\nfloat intensity = 1\nfloat inputs:radius = 2\n}}\n' for i in range(10_000))
+    stage.GetRootLayer().ImportFromString("#usda 1.0\n" + "".join(lamps))
+    context = StageContext(stage=stage, time=Usd.TimeCode.Default(), purposes=frozenset())
+    looked, nearest = [], unread_module._nearest
+    monkeypatch.setattr(unread_module, "_nearest", lambda name, meant: looked.append(name) or nearest(name, meant))
+    check = unread_module.PropertyCheck(context)
+    for prim in stage.Traverse():
+        check.check(prim)
+    assert looked == ["intensity"]
+    assert len(context.notes.entries()) == 10_000

@@ -1,0 +1,200 @@
+"""What a prim says and nobody reads: names that are misspelt or of an older schema, and attributes not rendered.
+
+What has a namespace of its own, such as ``userProperties:`` or that of another renderer, is not for this one, and no
+warning is due.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from pxr import Sdf, Sdr, Usd, UsdLux, UsdShade
+
+from usd_scenes.reader.attributes import is_authored
+from usd_scenes.reader.context import StageContext
+
+GEOMETRY = (
+    "accelerations angularVelocities axis bottomRadius cornerIndices cornerSharpnesses creaseIndices creaseLengths "
+    "creaseSharpnesses elementType faceVaryingLinearInterpolation faceVertexCounts faceVertexIndices familyName height "
+    "holeIndices ids indices interpolateBoundary invisibleIds length normals orientation orientations orientationsf "
+    "points positions primvars:displayColor primvars:displayOpacity protoIndices prototypes radius radiusBottom "
+    "radiusTop scales size subdivisionScheme topRadius triangleSubdivisionRule velocities width"
+)
+CAMERA = (
+    "clippingPlanes clippingRange exposure exposure:fStop exposure:iso exposure:responsivity exposure:time fStop "
+    "focalLength focusDistance horizontalAperture horizontalApertureOffset projection shutter:close shutter:open "
+    "verticalAperture verticalApertureOffset"
+)
+RENDER = (
+    "aspectRatioConformPolicy camera dataWindowNDC disableDepthOfField disableMotionBlur includedPurposes "
+    "instantaneousShutter materialBindingPurposes orderedVars pixelAspectRatio productName productType products "
+    "renderingColorSpace resolution sourceName sourceType"
+)
+LIGHT = "geometry poleAxis portals treatAsLine treatAsPoint"
+ANYWHERE = "info:id info:implementationSource purpose visibility xformOpOrder"
+HARMLESS = (
+    "dataType doubleSided extent guideRadius light:shaderId model:applyDrawMode model:cardGeometry "
+    "model:cardTextureXNeg model:cardTextureXPos model:cardTextureYNeg model:cardTextureYPos model:cardTextureZNeg "
+    "model:cardTextureZPos model:cardVisibility model:drawModeColor lightList lightList:cacheBehavior "
+    "motion:nonlinearSampleCount proxyPrim stereoRole"
+)
+"""Hints to viewers and caches, what README says of all surfaces, and what means nothing without something else."""
+READ = frozenset(f"{GEOMETRY} {CAMERA} {RENDER} {LIGHT} {ANYWHERE} {HARMLESS}".split())
+"""Attributes that are read, or that have warnings of their own; those in further namespaces are beside them."""
+NAMESPACES = ("", "exposure", "model", "motion", "primvars", "shutter")
+"""Of the attributes of USD's schemas that a renderer is to read."""
+TYPES = (
+    "Camera Capsule Capsule_1 Cone Cube Cylinder Cylinder_1 GeomSubset Mesh Plane PointInstancer RenderProduct "
+    "RenderSettings RenderVar Scope SkelRoot Sphere Xform"
+)
+READ_TYPES = frozenset(TYPES.split())
+"""Beside those of lights, materials and shaders; of others it is told that they are left out."""
+SHADER_KINDS = ("UsdPreviewSurface", "UsdUVTexture", "UsdTransform2d", "UsdPrimvarReader_")
+FOREIGN = ("primvars", "xformop", "userproperties", "collection", "fgf", "outputs")
+INPUTS = "inputs:"
+OWN_INPUT = re.compile(r"inputs:(texture:)?[^:]+")
+"""An input of USD's own lights and shaders."""
+LIGHT_APIS = ("ShapingAPI", "ShadowAPI")
+SHORT, LONG = 5, 8
+"""Letters from which on a name with one letter, or with two, that are not as they should be is recognized."""
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """What prims of one type, with the same schemas applied, may be said to be.
+
+    Args:
+        label: for messages.
+        known: names of properties of its schemas.
+        meant: the same by their plain forms, with those that a schema would add.
+        has_inputs: True where each ``inputs:`` without a further namespace is to be one of these.
+        verdicts: what is meant by other names that were met, empty of those that stand for themselves.
+    """
+
+    label: str
+    known: frozenset[str]
+    meant: dict[str, str]
+    has_inputs: bool
+    verdicts: dict[str, str] = field(default_factory=dict)
+
+
+class PropertyCheck:
+    """Tells, once for all prims of a type, which authored properties are not read.
+
+    Args:
+        context: the stage.
+    """
+
+    def __init__(self, context: StageContext) -> None:
+        self._context = context
+        self._kinds: dict[tuple[str, ...], _Kind | None] = {}
+        self._passed: set[Sdf.Path] = set()
+
+    def check(self, prim: Usd.Prim) -> None:
+        """Looks through the properties of a prim; of instances those of the first.
+
+        Raises:
+            SceneError: for a name that is misspelt, where the stage is read strictly.
+        """
+        if prim.IsInstanceProxy():
+            path = prim.GetPrimInPrototype().GetPath()
+            if path in self._passed:
+                return
+            self._passed.add(path)
+        kind = self._kind_of(prim)
+        if kind is None:
+            return
+        for name in prim.GetAuthoredPropertyNames():
+            if name in kind.known:
+                if name not in READ and name.rpartition(":")[0] in NAMESPACES and _says_something(prim, name):
+                    self._context.notes.add(f"{name} is not read", prim.GetPath())
+            elif meant := self._meant(kind, name):
+                if not prim.GetProperty(meant).IsAuthored():
+                    self._context.mend(f"is not read: {meant} may be meant", prim.GetPath().AppendProperty(name))
+            elif kind.has_inputs and OWN_INPUT.fullmatch(name):
+                text = f"is not read: a {kind.label} has no such input"
+                self._context.notes.add(text, prim.GetPath().AppendProperty(name))
+
+    def _kind_of(self, prim: Usd.Prim) -> _Kind | None:
+        shader = UsdShade.Shader(prim).GetShaderId() or "" if prim.GetTypeName() == "Shader" else ""
+        key = (prim.GetTypeName(), shader, *prim.GetAppliedSchemas())
+        if key not in self._kinds:
+            self._kinds[key] = _new_kind(prim, shader)
+        return self._kinds[key]
+
+    @staticmethod
+    def _meant(kind: _Kind, name: str) -> str:
+        if name not in kind.verdicts:
+            kind.verdicts[name] = _nearest(name, kind.meant)
+        return kind.verdicts[name]
+
+
+def _new_kind(prim: Usd.Prim, shader: str) -> _Kind | None:
+    known = frozenset(prim.GetPrimDefinition().GetPropertyNames())
+    label, has_inputs, more = prim.GetTypeName(), False, frozenset[str]()
+    if prim.GetTypeName() == "Shader":
+        node = Sdr.Registry().GetShaderNodeByIdentifier(shader) if shader.startswith(SHADER_KINDS) else None
+        if node is None:
+            return None
+        label, has_inputs = shader, True
+        known |= {INPUTS + name for name in node.GetShaderInputNames()}
+    elif prim.HasAPI(UsdLux.LightAPI):
+        has_inputs = prim.GetTypeName() != "Mesh"
+        registry = Usd.SchemaRegistry()
+        # Where these are not applied, `lights` tells that their attributes have no effect.
+        apis = (registry.FindAppliedAPIPrimDefinition(name) for name in LIGHT_APIS)
+        more = frozenset(name for api in apis for name in api.GetPropertyNames())
+    elif prim.GetTypeName() not in READ_TYPES:
+        return None
+    meant = {_plain(name): name for name in sorted(known | more) if not name.startswith(("collection:", "outputs:"))}
+    return _Kind(label, known | more, meant, has_inputs)
+
+
+def _says_something(prim: Usd.Prim, name: str) -> bool:
+    """True of an attribute that is not as if it were not authored, or a relationship with targets."""
+    attribute = prim.GetAttribute(name)
+    if not attribute:
+        relationship = prim.GetRelationship(name)
+        return bool(relationship and relationship.GetTargets())
+    if not is_authored(attribute):
+        return False
+    return attribute.Get() != prim.GetPrimDefinition().GetAttributeFallbackValue(name)
+
+
+def _plain(name: str) -> str:
+    return name.removeprefix(INPUTS).lower().replace("_", "").replace("-", "")
+
+
+def _nearest(name: str, meant: dict[str, str]) -> str:
+    """The name that is meant by another; empty where it may be one of its own."""
+    plain = _plain(name)
+    head = plain.partition(":")[0] if ":" in plain else ""
+    if head in FOREIGN or (head and head not in _heads(meant)):
+        return ""
+    if plain in meant:
+        return meant[plain]
+    room = 0 if len(plain) < SHORT else 1 if len(plain) < LONG else 2
+    if not room:
+        return ""
+    distance, found = min(((_distance(plain, other), meant[other]) for other in meant), default=(room + 1, ""))
+    return found if distance <= room else ""
+
+
+def _heads(names: Iterable[str]) -> set[str]:
+    return {name.partition(":")[0] for name in names if ":" in name}
+
+
+def _distance(a: str, b: str) -> int:
+    """Letters that are put in, left out, changed, or exchanged with the next one, from one word to another."""
+    rows = [list(range(len(b) + 1))]
+    for i, letter in enumerate(a, start=1):
+        row = [i]
+        for j, other in enumerate(b, start=1):
+            cost = min(row[-1] + 1, rows[-1][j] + 1, rows[-1][j - 1] + (letter != other))
+            if i > 1 and j > 1 and letter == b[j - 2] and a[i - 2] == other:
+                cost = min(cost, rows[-2][j - 2] + 1)
+            row.append(cost)
+        rows.append(row)
+    return rows[-1][-1]
