@@ -773,8 +773,7 @@ def lets_light_through(surface: Surface | None) -> bool:
 def bodies_of(shape: Shape) -> tuple[Shape, ...]:
     """The shape, or in the place of a mesh whose shells overlap, nest or touch those that it is made of."""
     if isinstance(shape, MeshInstance):
-        bodies = shape.mesh.bodies
-        return (shape,) if len(bodies) == 1 and bodies[0] is shape.mesh else tuple(replace(shape, mesh=b) for b in bodies)
+        return tuple(shape if body is shape.mesh else replace(shape, mesh=body) for body in shape.mesh.bodies)
     return shape.bodies if isinstance(shape, Mesh) else (shape,)
 
 

@@ -72,8 +72,9 @@ def test_shells_whose_boxes_overlap_may_lie_apart():
     for axes, at in (((0, 1, 2), 0.0), ((0, 2, 1), 1.0)):
         turn, around = (np.arange(48) * 2 * np.pi / 48, np.arange(12) * 2 * np.pi / 12)
         radius = 1 + 0.2 * np.cos(around)
-        ring = [radius * np.cos(turn[:, None]), radius * np.sin(turn[:, None]), 0.2 * np.sin(around) + 0 * turn[:, None]]
-        points = np.stack(ring, axis=-1)[..., axes].reshape(-1, 3) + (at, 0, 0)
+        height = np.broadcast_to(0.2 * np.sin(around), (48, 12))
+        ring = [radius * np.cos(turn[:, None]), radius * np.sin(turn[:, None]), height]
+        points = np.stack(ring, axis=-1)[..., axes].reshape(-1, 3) + np.array([at, 0, 0])
         index = np.arange(48 * 12).reshape(48, 12)
         a, b = index, np.roll(index, -1, axis=0)
         c, d = np.roll(b, -1, axis=1), np.roll(a, -1, axis=1)
@@ -94,14 +95,17 @@ DOUBLED = {
     "of the same points": (CORNERS, np.concatenate([BOX, BOX[:, [1, 0, 2]]])),
     "of points of its own": joined(box(), box(inwards=True)),
     "cut along other diagonals": joined(box(), (CORNERS * (1, 1, -1), BOX)),
-    "flat": (np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]), np.array([(0, 1, 2), (0, 2, 3), (1, 0, 3), (1, 3, 2)])),
+    "flat": (
+        np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]),
+        np.array([(0, 1, 2), (0, 2, 3), (1, 0, 3), (1, 3, 2)]),
+    ),
 }
 
 
 @pytest.mark.parametrize("name", DOUBLED)
 def test_faces_that_are_all_there_twice_enclose_nothing(name):
     points, triangles = DOUBLED[name]
-    with pytest.raises(OpenMeshError, match="/double: .*there twice, facing both ways: it encloses no volume"):
+    with pytest.raises(OpenMeshError, match=r"/double: .*there twice, facing both ways: it encloses no volume"):
         Mesh("/double", points.astype(float), triangles, medium=0)
     Mesh("/sheet", points.astype(float), triangles, Surface((0.5,) * 3))
     beside = joined((points, triangles), box(at=(9, 0, 0)))
@@ -112,7 +116,9 @@ def test_faces_that_are_all_there_twice_enclose_nothing(name):
 
 
 def test_a_face_that_stands_off_the_volume_is_left_out():
-    points, triangles = joined(box(), (np.array([(1.0, 1, 1), (1, 1, -1), (3, 3, 0)]), np.array([(0, 1, 2), (0, 2, 1)])))
+    points, triangles = joined(
+        box(), (np.array([(1.0, 1, 1), (1, 1, -1), (3, 3, 0)]), np.array([(0, 1, 2), (0, 2, 1)]))
+    )
     welded = np.unique(points, axis=0, return_inverse=True)
     for mesh in ((points, triangles), (welded[0], welded[1].reshape(-1)[triangles])):
         assert shells_of(mesh).groups.tolist() == [0] * 12 + [-1] * 2

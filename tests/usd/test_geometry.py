@@ -170,10 +170,10 @@ def mesh_of(points, faces) -> str:
     )
 
 
-def bent_cube(scale=1.0) -> np.ndarray:
+def bent_cube(scale=1.0, at=(0, 0, 0)) -> np.ndarray:
     """(8, 3), of which no quad is flat."""
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    return scale * (corners + np.random.default_rng(2).uniform(-0.2, 0.2, (8, 3)))
+    return scale * (corners + np.random.default_rng(2).uniform(-0.2, 0.2, (8, 3))) + np.array(at)
 
 
 def test_a_mesh_whose_faces_are_all_there_twice_is_refused(read) -> None:
@@ -194,7 +194,7 @@ def test_faces_that_are_there_twice_beside_others_are_left_out(read) -> None:
 
 
 def test_shells_of_a_mesh_that_overlap_are_shapes_of_one_name(read) -> None:
-    points = [*bent_cube(), *(bent_cube() + (0.5, 0, 0))]
+    points = [*bent_cube(), *bent_cube(at=(0.5, 0, 0))]
     second = [tuple(corner + 8 for corner in face) for face in QUADS]
     reading = read(mesh_of(points, [*QUADS, *second]))
     assert [shape.name for shape in reading.scene.shapes] == ["/Shape", "/Shape"]
@@ -206,7 +206,7 @@ def test_shells_of_a_mesh_that_overlap_are_shapes_of_one_name(read) -> None:
 
 
 def test_a_part_that_faces_inwards_alone_is_turned_with_a_warning(read) -> None:
-    points = [*bent_cube(), *(bent_cube(0.5) + (4, 0, 0))]
+    points = [*bent_cube(), *bent_cube(0.5, at=(4, 0, 0))]
     inwards = [tuple(corner + 8 for corner in face[::-1]) for face in QUADS]
     reading = read(mesh_of(points, [*QUADS, *inwards]))
     (mesh,) = reading.scene.shapes
