@@ -8,6 +8,7 @@ by the command that needs it.
 from __future__ import annotations
 
 import sys
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -35,24 +36,42 @@ from generators.commands.export import export
 from generators.commands.generate import generate
 from generators.commands.render import render
 from generators.commands.tradeoff import tradeoff
+from generators.interrupts import listening
 
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option; it has no public name."""
 
 
 class _Group(TyperGroup):
-    """The one place where errors become a line on stderr and an exit code."""
+    """The one place where errors, and being stopped, become a line on stderr and an exit code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            fail("stopped before the end; what is written is whole", EXIT_PARTIAL)
 
     def main(self, *args: Any, **extra: Any) -> Any:
         extra["standalone_mode"] = False  # typer then raises its errors instead of printing them
+        for stream in (sys.stdout, sys.stderr):
+            # Names of files may hold what no encoding knows.
+            if isinstance(stream, TextIOWrapper):
+                stream.reconfigure(errors="backslashreplace")
         try:
-            code = super().main(*args, **extra)
+            with listening():
+                code = super().main(*args, **extra)
         except UsageError as error:
             fail(error.format_message(), EXIT_BAD_INPUT)  # type: ignore[attr-defined]
         except (CorruptFileError, NumericalError) as error:
             fail(str(error), EXIT_CORRUPT)
-        except FgfError as error:
+        except (FgfError, OSError) as error:
             fail(str(error), EXIT_BAD_INPUT)
+        except BrokenPipeError:
+            raise
+        except OSError as error:  # Of a name that no file can have, above all: whoever asks for a file may meet one.
+            if error.filename is None:
+                raise
+            fail(f"{error.filename}: {error.strerror}", EXIT_BAD_INPUT)
         sys.exit(code or 0)
 
 
@@ -239,6 +258,8 @@ app.command()(tradeoff)
 
 def main() -> None:
     """Entry point of the console script."""
+    # What a library meets when it clears away after an error is nothing that a user could act on.
+    sys.unraisablehook = lambda _: None
     app()
 
 

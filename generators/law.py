@@ -16,6 +16,8 @@ DEFAULT_DEPTHS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 """sigma_m t of the lengths where none are asked for."""
 
 
+# Whatever passes the range of numbers on the way is told by what comes out.
+@np.errstate(all="ignore")
 def evaluate_law(
     *,
     hurst: float,
@@ -68,7 +70,13 @@ def evaluate_law(
     # At u = 0 the formulas need kappa u^b, which for b < 0 has no value; the limits are known.
     inside = law.eval_kernels(np.where(u > 0, u, 1.0))
     transmittance = np.where(u > 0, inside.transmittance_ss, 1.0)
-    density = np.where(u > 0, inside.density_sm, initial_rate(law.b, law.kappa))
+    rate = mean_extinction * np.where(u > 0, inside.density_sm, initial_rate(law.b, law.kappa))
+    if not np.isfinite([u, transmittance, rate]).all():
+        place = int(np.argmin(np.isfinite([u, transmittance, rate]).all(axis=0)))
+        raise ConfigError(
+            f"sigma_m = {mean_extinction:g} at t = {t[place]:g}, with b = {law.b:g} and kappa = {law.kappa:g}: the law "
+            "has no value there in 64-bit numbers; accepted: parameters nearer to 1, by the choice of a unit of length"
+        )
     warnings = law.warnings(t.tolist())
     mean = _mean_free_path(law)
     if mean is None:
@@ -83,7 +91,7 @@ def evaluate_law(
         "law_ends_at": reach if math.isfinite(reach) else None,
         "t": t.tolist(),
         "transmittance": transmittance.tolist(),
-        "free_flight_pdf": (mean_extinction * density).tolist(),
+        "free_flight_pdf": rate.tolist(),
         "warnings": warnings,
     }
 

@@ -83,19 +83,22 @@ def plan_pictures(
     output: Path | None,
     png: Path | None,
     render_settings: str | None,
+    root: Path | None = None,
 ) -> tuple[list[Picture], list[str]]:
     """The images to render, in the order of the frames, and what a user should know of them.
 
     Args:
         stage: the USD file.
         frames: at least one.
-        output: name of the EXR; None takes the productName of each of the stage's products, as a path from the
-            working directory. With several frames the name holds a placeholder such as ``####``.
+        output: name of the EXR; None takes the productName of each of the stage's products, as a path from `root`.
+            With several frames the name holds a placeholder such as ``####``.
         png: name of the view; None writes none.
         render_settings: prim path of the RenderSettings, or None.
+        root: folder that productNames lie below, since a stage may come from anyone; None is the working directory.
 
     Raises:
-        ConfigError: for no name, one that does not tell the frames apart, or two images of one name.
+        ConfigError: for no name, one that does not tell the frames apart, two images of one name, or a productName
+            that leads out of `root`.
         SceneError: for a stage that cannot be read.
     """
     if output is not None:
@@ -114,7 +117,7 @@ def plan_pictures(
             warnings = [f"--output names one image, that of {products[0].path}; not rendered: {others}"]
             products = products[:1]
         for product in products:
-            exr = output or _product_file(product)
+            exr = output or _product_file(product, root or Path())
             pictures.append(
                 Picture(frame, product.path or None, _numbered(exr, frame), _numbered(png, frame) if png else None)
             )
@@ -122,18 +125,35 @@ def plan_pictures(
     return pictures, warnings
 
 
-def _product_file(product: Product) -> Path:
+def _product_file(product: Product, root: Path) -> Path:
     if not product.file:
         raise ConfigError(
             "--output (-o) is missing; accepted: the name of the EXR, a stage whose RenderProducts have a productName, "
             "or --explain, which writes none"
         )
-    path = Path(product.file)
+    path = root / product.file
     if path.suffix.lower() != ".exr":
         raise ConfigError(
             f"{product.path}.productName = {product.file}; accepted: a file name that ends in .exr, or --output"
         )
+    if not _place(path).is_relative_to(_place(root / "any").parent):
+        raise ConfigError(
+            f"{product.path}.productName = {product.file}: leads out of {root.absolute()}; accepted: a path below it, "
+            "an --outputRoot that it lies below, or --output"
+        )
     return path
+
+
+def _place(file: Path) -> Path:
+    """Where a file is, or would be, by whatever links and dots its folder is named.
+
+    Raises:
+        ConfigError: for what is no name of a file.
+    """
+    try:
+        return file.parent.resolve() / file.name
+    except (OSError, RuntimeError, ValueError) as error:
+        raise ConfigError(f"{file}: is no name of a file: {error}") from error
 
 
 def _check_suffix(path: Path, suffix: str) -> None:
@@ -162,9 +182,9 @@ def _numbered(path: Path, frame: Frame | None) -> Path:
 def _check_distinct(files: Iterable[Path]) -> None:
     seen: set[Path] = set()
     for file in files:
-        if file in seen:
+        if (place := _place(file)) in seen:
             raise ConfigError(
                 f"{file}: is the name of several images; accepted: a placeholder such as #### for the frame's number, "
                 "and a name of its own for each product"
             )
-        seen.add(file)
+        seen.add(place)

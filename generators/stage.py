@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -12,7 +12,7 @@ from fgf_warp.scene import Camera, Scene
 from fgf_warp.settings import Aov
 
 if TYPE_CHECKING:
-    from usd_scenes.reader import Edits
+    from usd_scenes.reader import Edits, StageReading
 
 DEFAULT_WIDTH = 960
 """[pixel], of a stage without a resolution; as of usdrecord."""
@@ -103,11 +103,28 @@ def load_scene(
         product=product,
         edits=edits,
     )
+    base, warnings = base_scene(reading, width, height)
+    return replace(base, warnings=(*reading.warnings, *warnings))
+
+
+def base_scene(
+    reading: StageReading, width: int | None = None, height: int | None = None
+) -> tuple[BaseScene, list[str]]:
+    """What was read, with the size of its images, and what is to be said of it beside the reading's own warnings.
+
+    Raises:
+        ConfigError: for a size below one pixel.
+    """
     size = image_size(reading.scene.camera, reading.resolution, width, height)
     aovs, unknown = (None, []) if reading.sources is None else planes_of(reading.sources)
     accepted = ", ".join(["color", *Aov])
     warnings = [f"render var of sourceName {name} is not known and left out; accepted: {accepted}" for name in unknown]
-    return BaseScene(reading.scene, *size, (*reading.warnings, *warnings), aovs, reading.up_axis)
+    return BaseScene(reading.scene, *size, reading.warnings, aovs, reading.up_axis), warnings
+
+
+def split_purposes(asked: str | None) -> list[str] | None:
+    """The purposes of a list with commas, and the one that is always among them; None where none are asked for."""
+    return None if asked is None else ["default", *asked.split(",")]
 
 
 def check_stage(path: Path) -> None:

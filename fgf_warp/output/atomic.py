@@ -10,8 +10,8 @@ from pathlib import Path
 
 from fgf_warp.errors import OutputError
 
-PARTIAL_GLOB = ".*.partial*"
-"""Matches the hidden names of files that are being written, or were when the machine stopped."""
+PARTIAL_GLOB = f".*.{'[0-9a-f]' * 12}.partial*"
+"""Matches the hidden names of files that are being written, or were when the machine stopped, and no one else's."""
 
 
 @contextmanager
@@ -72,12 +72,12 @@ def check_writable(path: Path) -> None:
     Raises:
         OutputError: where the folder is missing or not writable, or `path` is itself a folder.
     """
-    if path.is_dir():
-        raise OutputError(f"{path}: is a folder; accepted: the name of a file")
-    if not path.parent.is_dir():
-        raise OutputError(f"{path}: there is no folder {path.parent}")
     probe = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:12]}.partial")
     try:
+        if path.is_dir():
+            raise OutputError(f"{path}: is a folder; accepted: the name of a file")
+        if not path.parent.is_dir():
+            raise OutputError(f"{path}: there is no folder {path.parent}")
         # Only creating a file tells: permission bits say nothing to root or about read-only mounts.
         probe.touch(exist_ok=False)
         probe.unlink()

@@ -46,7 +46,7 @@ class Canvas:
         """Writes a line whose top left corner is at (x, y); `size` is the height of a line [pixel]."""
         font = FONT_BOLD if bold else FONT
         baseline = y + round(0.8 * size)
-        self._check(oiio.ImageBufAlgo.render_text(self._image, x, baseline, words, size, font, color))
+        self._check(oiio.ImageBufAlgo.render_text(self._image, x, baseline, _drawn(words), size, font, color))
 
     def _check(self, done: bool) -> None:
         if not done:
@@ -55,7 +55,12 @@ class Canvas:
 
 def text_width(words: str, size: int, *, bold: bool = False) -> int:
     """Width of a line of text [pixel]."""
-    return oiio.ImageBufAlgo.text_size(words, size, FONT_BOLD if bold else FONT).width
+    return oiio.ImageBufAlgo.text_size(_drawn(words), size, FONT_BOLD if bold else FONT).width
+
+
+def _drawn(words: str) -> str:
+    """The words in a line; what no font draws, such as half a character, leaves a blank."""
+    return "".join(character if character.isprintable() else " " for character in words)
 
 
 def resize_linear(radiance: np.ndarray, width: int) -> np.ndarray:

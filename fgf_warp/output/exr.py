@@ -95,7 +95,7 @@ def read_exr(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     pixels, names, header = read_image(path)
     try:
         parameters = json.loads(header[PARAMETERS_ATTRIBUTE])
-    except (KeyError, ValueError) as error:
+    except (KeyError, ValueError, RecursionError) as error:
         raise CorruptFileError(f"{path}: the header has no readable {PARAMETERS_ATTRIBUTE}") from error
     return {name: pixels[..., i] for i, name in enumerate(names)}, parameters
 

@@ -43,7 +43,7 @@ def write_image(path: Path, pixels: np.ndarray, channels: Sequence[str], attribu
     with replacing(path) as temporary:
         image = oiio.ImageOutput.create(str(temporary))
         if image is None:
-            raise OutputError(f"{path}: no writer for files of this ending: {oiio.geterror()}")
+            raise OutputError(f"{path}: no writer for files of this ending: {_in_a_line(oiio.geterror())}")
         written = image.open(str(temporary), spec) and image.write_image(np.ascontiguousarray(pixels))
         problem = image.geterror()
         # Closed in any case: only then are the last bytes out, and only then can that fail.
@@ -63,12 +63,17 @@ def read_image(path: Path) -> tuple[np.ndarray, tuple[str, ...], dict[str, Any]]
     """
     image = oiio.ImageInput.open(str(path))
     if image is None:
-        raise CorruptFileError(f"{path}: cannot be read: {oiio.geterror()}")
+        raise CorruptFileError(f"{path}: cannot be read: {_in_a_line(oiio.geterror())}")
     spec = image.spec()
     pixels = image.read_image("float")
     problem = image.geterror()
     image.close()
     if pixels is None or problem:
-        raise CorruptFileError(f"{path}: is incomplete: {problem}")
+        raise CorruptFileError(f"{path}: is incomplete: {_in_a_line(problem)}")
     header = {attribute.name: attribute.value for attribute in spec.extra_attribs}
     return pixels.reshape(spec.height, spec.width, spec.nchannels), tuple(spec.channelnames), header
+
+
+def _in_a_line(problem: str) -> str:
+    """The first that the library says, which repeats it for each part that it then misses."""
+    return next((line.strip() for line in problem.splitlines() if line.strip()), "is no image")

@@ -41,7 +41,9 @@ class Finding:
     sample: int | None = None
 
     def __str__(self) -> str:
-        return f"{self.name}: {self.found}; expected: {self.expected}"
+        # Whoever named a file may have put the end of a line into it.
+        name = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in self.name)
+        return f"{name}: {self.found}; expected: {self.expected}"
 
 
 @dataclass(frozen=True)
@@ -69,8 +71,13 @@ class Verification:
 
     @property
     def is_damaged(self) -> bool:
-        """Whether anything was found but that the dataset is not complete yet."""
-        return any(finding.kind not in (Kind.INCOMPLETE, Kind.OUTDATED) for finding in self.findings)
+        """Whether a file of the dataset is damaged."""
+        return bool(self.of(Kind.DAMAGED))
+
+    @property
+    def is_unfinished(self) -> bool:
+        """Whether samples, or what is written at the end of a run, are missing."""
+        return bool(self.of(Kind.INCOMPLETE) or self.of(Kind.OUTDATED))
 
     def of(self, kind: Kind) -> list[Finding]:
         """The findings of one kind."""

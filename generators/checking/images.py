@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from generators.dataset import layout
 from generators.dataset.plan_table import INDEX, SEED
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Record
+from generators.dataset.scratch import scratch_folder
 from generators.publishing.statistics import image_statistics
 
 ROUNDING = 1e-9
@@ -37,10 +37,12 @@ def check_images(dataset: Dataset, index: int) -> list[Finding]:
         index: of the sample.
     """
     folder, record = dataset.folders[index], dataset.record(index)
-    with tempfile.TemporaryDirectory() as temporary:
+    with scratch_folder() as scratch:
 
         def fetched(name: str) -> Path:
-            path = Path(temporary, name)
+            if file := dataset.store.local_file(f"{folder}/{name}"):
+                return file
+            path = scratch / name
             path.write_bytes(dataset.store.read(f"{folder}/{name}"))
             return path
 

@@ -7,6 +7,7 @@ changed since.
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
@@ -20,11 +21,13 @@ from fgf_warp import __version__
 from generators.checking.findings import Finding, Kind
 from generators.checking.samples import read
 from generators.dataset import layout
+from generators.dataset.plan_table import INDEX
 from generators.dataset.reader import Dataset
 from generators.dataset.record import file_entry
+from generators.publishing.card import write_card
 from generators.publishing.columns import COMPLETE, STATUS
-from generators.publishing.croissant import FILES, write_croissant
-from generators.publishing.index import build_index
+from generators.publishing.croissant import FILES, claimed_hashes, write_croissant
+from generators.publishing.index import build_index, parquet_bytes, split_table
 
 OF_TIMING = ("render_seconds",)
 """Columns of the labels that come from the timing; the others come from the plan or the record."""
@@ -75,20 +78,25 @@ def _wrong(dataset: Dataset, there: Collection[str], samples: Samples) -> Iterat
     if isinstance(croissant, str):
         yield _damaged(layout.CROISSANT, croissant, "a document that can be read")
         croissant = None
-    hashes = _hashes(croissant) if croissant else {}
+    hashes = claimed_hashes(dataset.store.read(layout.CROISSANT)) if croissant else {}
+    if croissant is not None:
+        yield from _wrong_list(croissant, there)
     changed = list(_changed(dataset, there, hashes))
     yield from changed
     labels = read_labels(dataset) if layout.INDEX in there else None
     if labels is None:
         if layout.INDEX in there and layout.INDEX not in hashes:
             yield _damaged(layout.INDEX, "is damaged", "a table that can be read")
+        yield from _lost_samples(dataset, there, samples)
         return
     names = {finding.name for finding in changed}
     if names.isdisjoint((layout.INDEX, layout.PLAN)):
         yield from _wrong_labels(dataset, labels, samples, is_as_written=layout.INDEX in hashes)
     # The words of another version may be others.
-    if croissant and not names and dataset.meta.version == __version__:
-        yield from _wrong_words(dataset, there, labels, croissant)
+    if dataset.meta.version == __version__ and names.isdisjoint((layout.INDEX, layout.PLAN)):
+        if croissant is not None:
+            yield from _wrong_metadata(dataset, there, labels, croissant, names)
+        yield from _wrong_words(dataset, there, labels, names)
 
 
 def _changed(dataset: Dataset, there: Collection[str], hashes: Mapping[str, str]) -> Iterator[Finding]:
@@ -108,6 +116,22 @@ def _changed(dataset: Dataset, there: Collection[str], hashes: Mapping[str, str]
 # ---- the labels, against plan, records and timings
 
 
+def _lost_samples(dataset: Dataset, there: Collection[str], samples: Samples) -> Iterator[Finding]:
+    """Samples that were there once, as the tables of their splits say where the labels cannot."""
+    for split in layout.SPLITS:
+        name = layout.split_metadata(split)
+        table = read_table(dataset, name) if name in there else None
+        if table is None or INDEX not in table.column_names:
+            continue
+        known = {index for index in table[INDEX].to_pylist() if index in range(len(dataset.folders))}
+        for sample in sorted(known - samples.there):
+            yield _gone(dataset, sample, name)
+
+
+def _gone(dataset: Dataset, sample: int, witness: str) -> Finding:
+    return Finding(Kind.DAMAGED, dataset.folders[sample], "missing", f"the sample, as {witness} says", sample)
+
+
 def _wrong_labels(dataset: Dataset, labels: pa.Table, samples: Samples, *, is_as_written: bool) -> Iterator[Finding]:
     expected = build_index(dataset, sorted(samples.intact))
     if labels.num_rows != expected.num_rows or STATUS not in labels.column_names:
@@ -115,8 +139,7 @@ def _wrong_labels(dataset: Dataset, labels: pa.Table, samples: Samples, *, is_as
         return
     found = labels[STATUS].to_pylist()
     for sample in sorted({i for i, status in enumerate(found) if status == COMPLETE} - samples.there):
-        name = dataset.folders[sample]
-        yield Finding(Kind.DAMAGED, name, "missing", f"the sample, as {layout.INDEX} says", sample)
+        yield _gone(dataset, sample, layout.INDEX)
     if late := [i for i in sorted(samples.intact) if found[i] != COMPLETE]:
         expectation = "the labels of all samples that are there"
         yield Finding(Kind.OUTDATED, layout.INDEX, f"{len(late)} samples came after it", expectation)
@@ -155,35 +178,110 @@ def _blame_sample(dataset: Dataset, column: str, sample: int, label: Any, value:
     return Finding(Kind.DAMAGED, f"{dataset.folders[sample]}/{name}", found, expected, sample)
 
 
-# ---- the metadata, which are written anew and compared
+# ---- metadata, card and tables, which are made anew and compared
+
+
+def _wrong_list(croissant: Mapping[str, Any], there: Collection[str]) -> Iterator[Finding]:
+    """Whether the metadata list every file that they should, once and by its name."""
+    listed = Counter(_urls(croissant))
+    for name in [name for name in listed if name not in FILES]:
+        yield _damaged(layout.CROISSANT, f"contentUrl {name}", f"one of {', '.join(FILES)}")
+    # They are written last, when these are there in any case.
+    always = (layout.INDEX, layout.PLAN, layout.CARD, layout.CONTACT_SHEET)
+    for name in [name for name in FILES if (name in there or name in always) and listed[name] != 1]:
+        found = f"{listed[name]} entries with a hash of {name}"
+        yield _damaged(layout.CROISSANT, found, "one")
+
+
+def _wrong_metadata(
+    dataset: Dataset, there: Collection[str], labels: pa.Table, croissant: Mapping[str, Any], named: Collection[str]
+) -> Iterator[Finding]:
+    """Whether the metadata are what would be written of these files.
+
+    Args:
+        dataset: that they are of.
+        there: names of the dataset's files.
+        labels: its labels.
+        croissant: the metadata.
+        named: files that are not as the metadata say, which is told already.
+    """
+    published = croissant.get(DATE)
+    if not _is_date(published):
+        yield _damaged(layout.CROISSANT, f"{DATE} {published}", "a day")
+        published = None
+    gone = [name for name in _urls(croissant) if name in FILES and name not in there]
+    files = {name: _content(dataset, name) for name in FILES if name in there or name in gone}
+    expected = write_croissant(dataset.meta, labels, files, published)
+    if dataset.store.read(layout.CROISSANT) == expected:
+        return
+    untold = {*named, *gone}
+    one, other = (_without_hashes(document, untold) for document in (croissant, json.loads(expected)))
+    keys = {*one, *other} - ({DATE} if published is None else set())
+    if different := sorted(key for key in keys if one.get(key) != other.get(key)):
+        yield _damaged(layout.CROISSANT, f"other content of {', '.join(different)}", "what plan, labels and files say")
+    elif not untold and published is not None:
+        yield _damaged(layout.CROISSANT, "is not as it was written", "the same without a change")
+
+
+def _without_hashes(document: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+    """The metadata without what they say of the content of some files."""
+
+    def shown(entry: Any) -> Any:
+        if isinstance(entry, dict) and entry.get("contentUrl") in names:
+            return {key: value for key, value in entry.items() if key not in ("sha256", "contentSize")}
+        return entry
+
+    entries = document.get("distribution")
+    return {**document, "distribution": [shown(entry) for entry in entries] if isinstance(entries, list) else entries}
 
 
 def _wrong_words(
-    dataset: Dataset, there: Collection[str], labels: pa.Table, croissant: Mapping[str, Any]
+    dataset: Dataset, there: Collection[str], labels: pa.Table, named: Collection[str]
 ) -> Iterator[Finding]:
-    files = {name: dataset.store.read(name) for name in FILES if name in there}
-    expected = json.loads(write_croissant(dataset.meta, labels, files))
-    # The day on which it was written is known to it alone; files that are missing are named themselves.
-    told = {DATE} if set(_hashes(croissant)) <= set(there) else {DATE, "distribution"}
-    different = sorted(key for key in {*croissant, *expected} - told if croissant.get(key) != expected.get(key))
-    if not _is_date(croissant.get(DATE)):
-        different.append(DATE)
-    if different:
-        yield _damaged(layout.CROISSANT, f"other content of {', '.join(different)}", "what plan and labels say")
+    """Whether card and tables are what would be written, though metadata that were changed with them say so."""
+    if layout.CARD in there and layout.CARD not in named:
+        expected = write_card(dataset.meta, labels).encode()
+        if dataset.store.read(layout.CARD) != expected:
+            yield _damaged(layout.CARD, "other words", "what plan and labels say")
+    for split in layout.SPLITS:
+        name = layout.split_metadata(split)
+        if name not in there or name in named:
+            continue
+        table = split_table(dataset.meta, labels, split)
+        content = dataset.store.read(name)
+        if table is None or (content != parquet_bytes(table) and not _holds(content, table)):
+            yield _damaged(name, "other labels", f"those of {layout.INDEX}")
 
 
-def _hashes(croissant: Mapping[str, Any]) -> dict[str, str]:
-    """What the metadata says of the dataset's files, by name."""
+def _holds(content: bytes, table: pa.Table) -> bool:
+    """Whether a file is one of this table, which another version of the library may write to other bytes."""
     try:
-        files = [entry for entry in croissant["distribution"] if "sha256" in entry]
-        return {entry["contentUrl"]: entry["sha256"] for entry in files}
-    except (KeyError, TypeError):
-        return {}
+        return bool(pq.read_table(pa.BufferReader(content)).equals(table, check_metadata=True))
+    except (pa.ArrowException, OSError, ValueError):
+        return False
+
+
+def _content(dataset: Dataset, name: str) -> bytes:
+    """Of a file, or nothing where it cannot be read."""
+    content = read(dataset, name)
+    return content if isinstance(content, bytes) else b""
+
+
+def _urls(croissant: Mapping[str, Any]) -> list[str]:
+    """The files that the metadata have hashes of, or that are listed as if they had."""
+    entries = croissant.get("distribution")
+    listed = [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
+    return [str(entry["contentUrl"]) for entry in listed if "contentUrl" in entry]
 
 
 def read_labels(dataset: Dataset) -> pa.Table | None:
     """The labels as they were written; None where they cannot be read."""
-    content = read(dataset, layout.INDEX)
+    return read_table(dataset, layout.INDEX)
+
+
+def read_table(dataset: Dataset, name: str) -> pa.Table | None:
+    """A table of the dataset as it was written; None where it cannot be read."""
+    content = read(dataset, name)
     try:
         return None if isinstance(content, str) else pq.read_table(pa.BufferReader(content))
     except (pa.ArrowException, OSError, ValueError):
@@ -196,7 +294,7 @@ def _read_json(dataset: Dataset) -> dict[str, Any] | str:
         return content
     try:
         found = json.loads(content)
-    except ValueError:
+    except (ValueError, RecursionError):
         return "is damaged"
     return found if isinstance(found, dict) else "is damaged"
 

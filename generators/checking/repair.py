@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fgf_warp.errors import ConfigError, CorruptFileError
@@ -16,7 +13,8 @@ from generators.checking.verify import verify_dataset
 from generators.dataset import layout
 from generators.dataset.plan_table import INDEX
 from generators.dataset.reader import Dataset
-from generators.dataset.record import decode_record
+from generators.dataset.record import STAGES_COME_BACK, decode_record
+from generators.dataset.scene_files import config_file
 from generators.dataset.store import Store
 from generators.publishing.publish import publish
 from generators.running.opening import shards_under_way, sole
@@ -71,16 +69,27 @@ def repair_dataset(location: str, found: Verification) -> Iterator[str]:
     for useless in [*found.of(Kind.LEFTOVER), *notes]:
         dataset.store.remove(useless.name)
         yield f"removed {useless.name}"
+    for damaged in found.of(Kind.DAMAGED):
+        if damaged.name.startswith(f"{layout.SCENE}/"):
+            yield f"{damaged.name} cannot be made anew of the dataset alone: {STAGES_COME_BACK}"
     yield from _render_damaged(dataset, found)
     if any(finding.name == layout.CARD for finding in found.of(Kind.DAMAGED)) and dataset.store.exists(layout.CARD):
-        dataset.store.write(OLD_CARD, dataset.store.read(layout.CARD))
-        yield f"kept the card that was there as {OLD_CARD}"
+        yield _keep_card(dataset.store)
     try:
         with sole(dataset.store):
             publish(dataset)
         yield "wrote labels, metadata, card and contact sheet"
     except CorruptFileError as error:
         yield f"labels, metadata, card and contact sheet stay as they are: {error}"
+
+
+def _keep_card(store: Store) -> str:
+    try:
+        store.write(OLD_CARD, store.read(layout.CARD))
+    except CorruptFileError as error:
+        store.clear_way(layout.CARD, even_files=True)
+        return f"moved the card that was there aside: {error}"
+    return f"kept the card that was there as {OLD_CARD}"
 
 
 def _render_damaged(dataset: Dataset, found: Verification) -> Iterator[str]:
@@ -127,14 +136,7 @@ def _plan(store: Store, digest: str | None) -> Plan:
 
     if not store.exists(layout.CONFIG):
         raise ConfigError(f"{store.location}: {layout.CONFIG} is missing, without which nothing can be rendered again")
-    if store.folder:
-        loaded = load_config(store.folder / layout.CONFIG)
-    else:
-        with tempfile.TemporaryDirectory() as temporary:
-            path = Path(temporary, layout.CONFIG)
-            path.write_bytes(store.read(layout.CONFIG))
-            # Its stages are found from the working directory.
-            loaded = replace(load_config(path), path=Path(layout.CONFIG))
+    loaded = load_config(config_file(store.location))
     for device in DEVICES.values():
         plan = build_plan(loaded, device)
         if digest in (None, plan.meta.digest):

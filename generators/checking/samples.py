@@ -112,3 +112,5 @@ def read(dataset: Dataset, name: str) -> bytes | str:
         return dataset.store.read(name)
     except OSError as error:
         return f"cannot be read: {error.strerror or error}"
+    except CorruptFileError as error:
+        return str(error).removeprefix(f"{dataset.store.location}/{name}: ")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any
 
+from generators.checking.samples import read
 from generators.dataset import layout
 from generators.dataset.plan_table import SPLIT
 from generators.dataset.reader import Dataset
@@ -19,6 +21,14 @@ EVENTS = (f"{layout.RUN}/events", ".jsonl")
 """Beginning and end of the names of the files of events: one for each shard."""
 UNDER_WAY = "under way"
 STATES = (COMPLETE, FAILED, MISSING)
+NUMBER = (int, float)
+DETAILS: Mapping[str, Mapping[str, Any]] = {
+    "start": {"shard": str, "executor": str, "reused": int, "samples": int},
+    "sample": {"left": NUMBER, "done": int, "rate": NUMBER},
+}
+"""What an event holds that is read here."""
+MOST = 1e15
+"""No number of samples, and no time, is beyond it."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +72,7 @@ class Status:
         splits: the same, by split.
         runs: the last run of each shard.
         failures: index and reason of each sample that could not be rendered.
+        notes: what could not be read of what the runs told.
     """
 
     name: str
@@ -70,6 +81,7 @@ class Status:
     splits: Mapping[str, Mapping[str, int]]
     runs: tuple[Run, ...]
     failures: tuple[tuple[int, str], ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def planned(self) -> int:
@@ -98,6 +110,7 @@ def read_status(dataset: Dataset, now: datetime | None = None) -> Status:
         COMPLETE if index in complete else FAILED if index in failures else MISSING for index in range(len(splits))
     ]
     counted = Counter(zip(splits, states, strict=True))
+    notes: list[str] = []
     return Status(
         name=dataset.meta.name,
         location=dataset.store.location,
@@ -105,34 +118,63 @@ def read_status(dataset: Dataset, now: datetime | None = None) -> Status:
         splits={
             split: {state: counted[split, state] for state in STATES} for split in layout.SPLITS if split in splits
         },
-        runs=tuple(_runs(dataset, now or datetime.now(UTC))),
+        runs=tuple(_runs(dataset, now or datetime.now(UTC), notes)),
         failures=tuple((index, failures[index].reason) for index in sorted(failures) if index not in complete),
+        notes=tuple(notes),
     )
 
 
-def _runs(dataset: Dataset, now: datetime) -> Iterator[Run]:
+def _runs(dataset: Dataset, now: datetime, notes: list[str]) -> Iterator[Run]:
+    """The last run of each shard; what could not be read of its events is added to the notes."""
     held = {str(shard) for shard in shards_under_way(dataset.store)}
     for name in dataset.store.sizes(layout.RUN):
-        if name.startswith(EVENTS[0]) and name.endswith(EVENTS[1]):
-            events = _last_run(dataset.store.read(name))
-            if events:
-                lives = events[0]["shard"] in held if dataset.store.folder else None
-                yield _run(events, lives, now)
-
-
-def _last_run(content: bytes) -> list[dict[str, Any]]:
-    """The events from the last start on; a line that is being written is left out."""
-    events: list[dict[str, Any]] = []
-    for line in content.splitlines():
-        try:
-            event = json.loads(line)
-        except ValueError:
+        if not (name.startswith(EVENTS[0]) and name.endswith(EVENTS[1])):
             continue
-        if isinstance(event, dict) and {"event", "time"} <= set(event):
-            if event["event"] == "start":
-                events = []
-            events.append(event)
-    return events if events and events[0]["event"] == "start" else []
+        content = read(dataset, name)
+        if isinstance(content, str):
+            notes.append(f"{name}: {content}")
+            continue
+        events, damaged = _last_run(content)
+        if damaged:
+            notes.append(f"{name}: {damaged} of its lines cannot be read, and are left out")
+        if events:
+            lives = events[0]["shard"] in held if dataset.store.folder else None
+            yield _run(events, lives, now)
+
+
+def _last_run(content: bytes) -> tuple[list[dict[str, Any]], int]:
+    """The events from the last start on, and how many lines are none; one that is being written is left out."""
+    events: list[dict[str, Any]] = []
+    damaged = 0
+    for line in content.splitlines(keepends=True):
+        event = _read_event(line)
+        if event is None:
+            damaged += line.endswith(b"\n")
+            continue
+        if event["event"] == "start":
+            events = []
+        events.append(event)
+    return (events if events and events[0]["event"] == "start" else []), damaged
+
+
+def _read_event(line: bytes) -> dict[str, Any] | None:
+    """An event with all that is asked of its kind; None for anything else."""
+    try:
+        event = json.loads(line)
+        if datetime.fromisoformat(event["time"]).tzinfo is None:
+            return None
+        needed = DETAILS.get(event["event"], {})
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        return None
+    if event["event"] == "end" and "error" not in event:
+        needed = {"interrupted": bool}
+    return event if all(_is(event.get(key), kind) for key, kind in needed.items()) else None
+
+
+def _is(value: Any, kind: Any) -> bool:
+    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        return False
+    return not isinstance(value, int | float) or (math.isfinite(value) and abs(value) < MOST)
 
 
 def _run(events: list[dict[str, Any]], lives: bool | None, now: datetime) -> Run:
@@ -159,7 +201,13 @@ def _run(events: list[dict[str, Any]], lives: bool | None, now: datetime) -> Run
 def _state(last: Mapping[str, Any], lives: bool | None) -> str:
     """Of a run, by its last event and whether it holds its lock."""
     if last["event"] == "end":
-        return f"error: {last['error']}" if "error" in last else "interrupted" if last["interrupted"] else "finished"
+        return (
+            f"error: {' '.join(str(last['error']).split())}"
+            if "error" in last
+            else "interrupted"
+            if last["interrupted"]
+            else "finished"
+        )
     if lives is None:
         return f"{UNDER_WAY} or killed"
     return UNDER_WAY if lives else "killed"

@@ -13,9 +13,10 @@ from generators.checking.findings import Finding, Kind, Verification, name_range
 from generators.checking.images import check_images
 from generators.checking.published import Samples, check_published
 from generators.checking.samples import READABLE, check_sample
+from generators.checking.scene import check_scene, scene_files
 from generators.checking.spread import check_spread
 from generators.dataset import layout
-from generators.dataset.plan_table import INDEX, SPLIT
+from generators.dataset.plan_table import SPLIT
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Failure
 from generators.dataset.store import Store
@@ -39,13 +40,10 @@ def check_plan(location: str) -> Finding | None:
     if not store.exists(layout.PLAN) and (store.exists(layout.CONFIG) and store.sizes(layout.DATA)):
         return Finding(Kind.DAMAGED, layout.PLAN, "missing", "there, as in every dataset")
     try:
-        plan = Dataset(location).plan
-        is_plan = plan[INDEX].to_pylist() == list(range(plan.num_rows)) and {*plan[SPLIT].to_pylist()} <= {
-            *layout.SPLITS
-        }
-    except (CorruptFileError, KeyError):
-        is_plan = False
-    return None if is_plan else Finding(Kind.DAMAGED, layout.PLAN, "is damaged", "the table of a plan")
+        Dataset(location)
+    except CorruptFileError:
+        return Finding(Kind.DAMAGED, layout.PLAN, "is damaged", "the table of a plan")
+    return None
 
 
 def verify_dataset(dataset: Dataset, *, deep: bool = False, progress: Progress | None = None) -> Verification:
@@ -56,7 +54,7 @@ def verify_dataset(dataset: Dataset, *, deep: bool = False, progress: Progress |
         deep: whether to decode the images too, and to compare them with the plan's rows and the records.
         progress: see `Progress`.
     """
-    sizes = {name: size for name, size in dataset.store.sizes().items() if not _is_in(name, layout.RUN)}
+    sizes = {name: size for name, size in dataset.store.sizes().items() if not name.startswith(f"{layout.RUN}/")}
     by_folder = _by_folder(dataset, sizes)
     there = [index for index, folder in enumerate(dataset.folders) if folder in by_folder]
     complete = [index for index in there if layout.RECORD in by_folder[dataset.folders[index]]]
@@ -76,7 +74,7 @@ def verify_dataset(dataset: Dataset, *, deep: bool = False, progress: Progress |
     samples = Samples(frozenset(there), frozenset(complete), frozenset(complete) - damaged)
     failures = _failures(dataset)
     if isinstance(failures, Finding):
-        findings = [failures, *_surplus(dataset, sizes), *of_samples]
+        findings = [failures, *check_scene(dataset), *_surplus(dataset, sizes), *of_samples]
     else:
         published = check_published(dataset, sizes, samples)
         # What was there once is named already.
@@ -84,6 +82,7 @@ def verify_dataset(dataset: Dataset, *, deep: bool = False, progress: Progress |
         failed = {index: failure for index, failure in failures.items() if index not in known}
         findings = [
             *published,
+            *check_scene(dataset),
             *_surplus(dataset, sizes),
             *_unfinished(dataset, known, failed),
             *check_spread(dataset, sorted(failed)),
@@ -128,12 +127,13 @@ def _unfinished(dataset: Dataset, known: Collection[int], failures: Mapping[int,
 def _surplus(dataset: Dataset, sizes: Mapping[str, int]) -> Iterator[Finding]:
     """What belongs to no dataset, each folder of it once."""
     planned = set(dataset.folders)
-    known = _files_of_the_dataset(dataset)
+    known = _files_of_the_dataset(dataset) | scene_files(dataset, sizes)
     parents = {parent for name in known | planned for parent in _parents(name)}
     strange: Counter[str] = Counter()
     empty = [name for name in dataset.store.empty_folders() if not _is_in(name, layout.RUN)]
     for name in [*sizes, *empty]:
-        if name in known or _is_in(name, *VERSION_CONTROL) or "/".join(name.split("/")[:3]) in planned:
+        folder = "/".join(name.split("/")[:3])
+        if name in known or _is_in(name, *VERSION_CONTROL) or (folder in planned and name not in planned):
             continue
         outermost = next((parent for parent in _parents(name) if parent not in parents), name)
         strange[outermost] += name in sizes

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from generators.commands.common import EXIT_CORRUPT, EXIT_PARTIAL, count_of, progress_bar, start_warp
+from generators.commands.common import EXIT_CORRUPT, EXIT_PARTIAL, count_of, progress_bar, start_warp, warn
 
 if TYPE_CHECKING:
     from generators.checking.findings import Verification
@@ -34,11 +34,12 @@ def verify(
     """Check that a dataset is whole: every file there, and as it was written.
 
     Each thing that is wrong is a line: the file, what was found, what was expected. Sizes and hashes of all files are
-    always compared. The exit code is 0 where nothing was found, 3 where samples are missing or failed and nothing else
-    is wrong, and 4 where a file is damaged or does not belong.
+    always compared. The exit code is 4 where a file is damaged, else 3 where samples are missing or failed, else 0.
+    What does not belong is named, and is no damage.
 
-    A repair renders a damaged sample first and replaces it then. What does not belong is named and stays, but for
-    hidden files that a killed run left half-written.
+    A repair renders a damaged sample first and replaces it then. What does not belong stays; where it stands in the
+    place of something of the dataset, it gets a name that ends in .aside. Hidden files that a killed run left
+    half-written go.
 
     \b
     Example:
@@ -64,7 +65,7 @@ def verify(
         for line in repair_dataset(location, found):
             typer.echo(line)
         found = _verify(location, deep=deep)
-    if not found.is_whole:
+    if found.is_damaged or found.is_unfinished:
         raise typer.Exit(EXIT_CORRUPT if found.is_damaged else EXIT_PARTIAL)
 
 
@@ -82,6 +83,7 @@ def status(
     from generators.dataset.reader import Dataset  # noqa: PLC0415
 
     found = read_status(Dataset(location))
+    warn(found.notes)
     if as_json:
         typer.echo(found.to_json())
     else:
@@ -145,8 +147,9 @@ def _print_findings(found: Verification) -> None:
     if found.is_whole:
         typer.echo(f"{seen}: all is as it should be")
         return
-    kinds = [f"{len(of_kind)} {kind}" for kind, of_kind in found.by_kind().items()]
-    typer.echo(f"{seen}: {', '.join(kinds)}")
+    kinds = ", ".join(f"{len(of_kind)} {kind}" for kind, of_kind in found.by_kind().items())
+    is_fine = not (found.is_damaged or found.is_unfinished)
+    typer.echo(f"{seen}: {'all of the dataset is as it should be; beside it ' if is_fine else ''}{kinds}")
 
 
 def _print_status(found: Status) -> None:

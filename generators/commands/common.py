@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from rich.progress import Progress
 
+    from usd_scenes.reader import Frame
+
 EXIT_BAD_INPUT, EXIT_PARTIAL, EXIT_CORRUPT, EXIT_UNEXPECTED = 2, 3, 4, 5
 
 Overrides = Annotated[
@@ -22,6 +24,35 @@ Overrides = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the config, e.g. spp=16 or axes.H=[-0.4]."),
 ]
 Device = Annotated[str, typer.Option(help="Where to render: cpu, or a GPU such as cuda:0.")]
+Frames = Annotated[
+    str | None,
+    typer.Option(
+        "--frames",
+        "--frame",
+        "-f",
+        metavar="SPEC",
+        help="Frames: 7, 1:24, 1:24x2 or 101,105:110; default: the stage's start, or the earliest.",
+    ),
+]
+DefaultTime = Annotated[
+    bool, typer.Option("--defaultTime", "-d", help="Take attributes' default values, not those of a frame.")
+]
+Purposes = Annotated[
+    str | None,
+    typer.Option(
+        "--purposes",
+        "-p",
+        metavar="LIST",
+        help="Purposes of the geometry to include beside default, with commas; default: as the stage says, or render.",
+    ),
+]
+Strict = Annotated[
+    bool, typer.Option("--strict", help="Refuse a stage of which something is missing or wrong, such as a texture.")
+]
+CameraPath = Annotated[
+    str | None,
+    typer.Option("--camera", "-cam", metavar="PATH", help="Camera; default: the render settings', or the first."),
+]
 Memory = Annotated[
     float, typer.Option(metavar="GIB", help="Most memory for the images that are rendered at once; changes no pixel.")
 ]
@@ -64,6 +95,21 @@ def parse_share(option: str, text: str) -> float:
         return float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
     except ValueError as error:
         raise ConfigError(f"{option} {text}: accepted: a share such as 0.01 or 1%") from error
+
+
+def choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | None]:
+    """The times to read a stage at; None is where it starts.
+
+    Raises:
+        ConfigError: for what is no list of frames, or one beside the default time.
+    """
+    if spec is None:
+        return ["default" if default_time else None]
+    if default_time:
+        raise ConfigError("--defaultTime and --frames exclude each other; accepted: one of them")
+    from generators.pictures import parse_frames  # noqa: PLC0415
+
+    return parse_frames(spec)
 
 
 def start_warp(device: str) -> None:

@@ -32,7 +32,10 @@ FAILURES_SHOWN = 10
 
 
 def generate(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="The dataset's YAML file.")],
+    config: Annotated[
+        str,
+        typer.Argument(metavar="CONFIG", help="The dataset's YAML file, or a dataset to go on with."),
+    ],
     overrides: Overrides = None,
     out: Annotated[
         str | None,
@@ -70,17 +73,18 @@ def generate(
 
     It consists of images, their labels in index.parquet, a card, and a contact sheet.
 
-    Stopped with Ctrl-C, or by anything else, the same command goes on where it was: finished samples are not rendered
-    again. The images do not depend on shards, workers, executor or memory.
+    Stopped with Ctrl-C, by SIGTERM or SIGHUP, or by anything else, the same command goes on where it was: finished
+    samples are not rendered again. The images do not depend on shards, workers, executor or memory.
 
     \b
     Example:
       fgf generate configs/quickstart.yaml --set spp=16 --out datasets/trial
-      fgf generate datasets/trial/config.yaml --sample 17 --out again
+      fgf generate datasets/trial                    goes on with it, from nothing but what it holds
+      fgf generate datasets/trial --sample 17 --out again
       fgf generate sweep.yaml --shard 0/4            on the first of four machines that share a folder
       fgf generate sweep.yaml --executor slurm --workers 32 --cores 4 --slurm partition=cpu --slurm time=240
     """  # noqa: D301
-    from generators.dataset.store import Store  # noqa: PLC0415
+    from generators.dataset.store import GoneError  # noqa: PLC0415
     from generators.running import run  # noqa: PLC0415
     from generators.running.shard import Shard  # noqa: PLC0415
 
@@ -91,14 +95,25 @@ def generate(
     for index in sample or ():
         if not 0 <= index < len(plan.samples):
             raise ConfigError(f"--sample {index}: accepted: 0 to {len(plan.samples) - 1}")
-    location = out or loaded.config.output or f"datasets/{loaded.config.name}"
+    own = None if Path(config).is_file() else config
+    location = out or own or loaded.config.output or f"datasets/{loaded.config.name}"
     if executor == "local":
         start_warp(device)
     warn(plan.warnings)
     with _shown_progress() as (show, begun):
         try:
-            text = loaded.to_bytes(Store(location).folder)
-            report = run.generate(plan, text, location, shard=part, only=sample, workers=asked, on_progress=show)
+            report = run.generate(
+                plan,
+                loaded.to_bytes(),
+                location,
+                shard=part,
+                only=sample,
+                workers=asked,
+                on_progress=show,
+                tell=lambda line: warn([line]),
+            )
+        except GoneError as error:
+            fail(str(error), EXIT_PARTIAL)
         except OutputError as error:
             if not begun():
                 raise  # the place itself is not accepted

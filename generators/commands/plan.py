@@ -75,12 +75,17 @@ def schema() -> None:
     typer.echo(schema_text(), nl=False)
 
 
-def make_plan(path: Path, overrides: list[str] | None, device: str) -> tuple[LoadedConfig, Plan]:
-    """Reads a config and plans it, with a bar where there are many scenes to read."""
+def make_plan(config: str | Path, overrides: list[str] | None, device: str) -> tuple[LoadedConfig, Plan]:
+    """Reads a config, or that of a dataset, and plans it, with a bar where there are many scenes to read."""
+    from generators.dataset import layout  # noqa: PLC0415
+    from generators.dataset.scene_files import config_file  # noqa: PLC0415
+    from generators.dataset.store import Store  # noqa: PLC0415
     from generators.planning.document import load_config  # noqa: PLC0415
     from generators.planning.plan import build_plan  # noqa: PLC0415
 
-    loaded = load_config(path, overrides or ())
+    place = str(config)
+    is_dataset = not Path(place).is_file() and Store(place).exists(layout.PLAN)
+    loaded = load_config(config_file(place) if is_dataset else Path(place), overrides or ())
     with progress_bar(counted=True) as progress:
 
         def show(done: int, total: int) -> None:

@@ -8,14 +8,20 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from fgf_warp.errors import ConfigError
+from fgf_warp.errors import ConfigError, FgfError
 from fgf_warp.settings import PRESETS, USUAL_AOVS, Aov, RenderSettings, Sampler
 from fgf_warp.theory.choices import LINE_VARIANCES, TRANSPORTS, LineVariance, Transport
 from generators.commands.common import (
     EXIT_PARTIAL,
+    CameraPath,
+    DefaultTime,
     Device,
+    Frames,
     Memory,
+    Purposes,
+    Strict,
     check_choice,
+    choose_frames,
     fail,
     parse_share,
     progress_bar,
@@ -25,7 +31,7 @@ from generators.commands.common import (
 from generators.wish import AUTO, FORMS, Wish
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from fgf_warp.convergence import Goal
     from fgf_warp.features import Reason
@@ -48,10 +54,15 @@ def render(
             "Default: as the stage's RenderProducts say.",
         ),
     ] = None,
-    camera: Annotated[
-        str | None,
-        typer.Option("--camera", "-cam", metavar="PATH", help="Camera; default: the render settings', or the first."),
+    output_root: Annotated[
+        Path | None,
+        typer.Option(
+            "--outputRoot",
+            metavar="DIR",
+            help="Folder that the stage's productNames are paths from and stay below; default: the working directory.",
+        ),
     ] = None,
+    camera: CameraPath = None,
     width: Annotated[
         int | None, typer.Option("--imageWidth", "-w", metavar="N", help="[pixel]; default: as the stage says, or 960.")
     ] = None,
@@ -122,29 +133,9 @@ def render(
     ] = Sampler.LATTICE.value,
     device: Device = "cpu",
     memory: Memory = RenderSettings.memory,
-    frames: Annotated[
-        str | None,
-        typer.Option(
-            "--frames",
-            "--frame",
-            "-f",
-            metavar="SPEC",
-            help="Frames: 7, 1:24, 1:24x2 or 101,105:110; default: the stage's start, or the earliest.",
-        ),
-    ] = None,
-    default_time: Annotated[
-        bool, typer.Option("--defaultTime", "-d", help="Take attributes' default values, not those of a frame.")
-    ] = False,
-    purposes: Annotated[
-        str | None,
-        typer.Option(
-            "--purposes",
-            "-p",
-            metavar="LIST",
-            help="Purposes of the geometry to include beside default, with commas; default: as the stage says, or "
-            "render.",
-        ),
-    ] = None,
+    frames: Frames = None,
+    default_time: DefaultTime = False,
+    purposes: Purposes = None,
     complexity: Annotated[
         str, typer.Option("--complexity", "-c", help="Subdivision of surfaces: low, medium, high or veryhigh.")
     ] = "high",
@@ -157,9 +148,7 @@ def render(
             help="RenderSettings; default: those that the stage names, or the first.",
         ),
     ] = None,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Refuse a stage of which something is missing, such as a texture.")
-    ] = False,
+    strict: Strict = False,
     png: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Write an sRGB view too.")] = None,
     aov: Annotated[
         list[str] | None,
@@ -185,7 +174,7 @@ def render(
       fgf render shot.usd -o shot.####.exr --frames 101:124 --camera main_cam
     """  # noqa: D301
     from fgf_warp.output.atomic import check_writable  # noqa: PLC0415
-    from generators.stage import load_scene  # noqa: PLC0415
+    from generators.stage import load_scene, split_purposes  # noqa: PLC0415
     from usd_scenes.reader import COMPLEXITIES, OpenStages  # noqa: PLC0415
 
     aovs = _choose_aovs(aov)
@@ -198,6 +187,8 @@ def render(
         "--similarityOrder": similarity_order,
         "--upscale": None if upscale == 1 else upscale,
     }
+    if output is not None and output_root is not None:
+        raise ConfigError("--outputRoot is of the stage's productNames, which --output takes the place of")
     wish = _choose_wish(preset, chosen)
     depths = PRESETS["balanced" if wish else preset]
     check_choice("--sampler", sampler, Sampler)
@@ -207,15 +198,15 @@ def render(
         check_choice("--lineVariance", line_variance, LINE_VARIANCES)
     check_choice("--complexity", complexity, COMPLEXITIES)
     goal = _choose_goal(target_error, error_over, time, spp)
-    times = _choose_frames(frames, default_time=default_time)
-    warned: set[str] = set()
+    times = choose_frames(frames, default_time=default_time)
+    told: set[str] = set()
 
     def load(frame: Frame | None, product: str | None) -> tuple[Scene, RenderSettings]:
         base = load_scene(
             stage,
             camera=camera,
             frame=frame,
-            purposes=None if purposes is None else ["default", *purposes.split(",")],
+            purposes=split_purposes(purposes),
             complexity=complexity,
             strict=strict,
             render_settings=render_settings,
@@ -240,8 +231,7 @@ def render(
             device=device,
             memory=memory,
         )
-        warn([warning for warning in base.warnings if warning not in warned])
-        warned.update(base.warnings)
+        _warn_once(base.warnings, frame, times, told)
         return base.scene, settings
 
     with OpenStages():
@@ -253,29 +243,49 @@ def render(
             return
         from generators.pictures import plan_pictures  # noqa: PLC0415
 
-        pictures, warnings = plan_pictures(stage, times, output, png, render_settings)
+        pictures, warnings = plan_pictures(stage, times, output, png, render_settings, output_root)
         for picture in pictures:
             for file in picture.files:
                 check_writable(file)
         warn(warnings)
-        start_warp(device)
-        for done, picture in enumerate(pictures):
-            try:
+        done = 0
+        try:
+            if len(pictures) > 1:
+                _check_frames(pictures, load)
+            start_warp(device)
+            for picture in pictures:
                 base = load(picture.frame, picture.product)
                 _render_picture(picture, *base, goal, wish, depth_is_asked=max_depth is not None)
-            except KeyboardInterrupt:
-                fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
+                done += 1
+        except KeyboardInterrupt:
+            fail(f"stopped; {done} of {len(pictures)} images are written", EXIT_PARTIAL)
 
 
-def _choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | None]:
-    """The times to render; None is where the stage starts."""
-    if spec is None:
-        return ["default" if default_time else None]
-    if default_time:
-        raise ConfigError("--defaultTime and --frames exclude each other; accepted: one of them")
-    from generators.pictures import parse_frames  # noqa: PLC0415
+def _check_frames(pictures: Sequence[Picture], load: Callable[[Frame | None, str | None], object]) -> None:
+    """Reads all that is to be rendered before the first image is, and keeps nothing of it.
 
-    return parse_frames(spec)
+    Raises:
+        FgfError: as `load` raises it, with the frame.
+    """
+    from usd_scenes.reader import name_of  # noqa: PLC0415 - USD is slow to import
+
+    with progress_bar(counted=True) as progress:
+        task = progress.add_task("reading", total=len(pictures))
+        for picture in pictures:
+            try:
+                load(picture.frame, picture.product)
+            except FgfError as error:
+                raise type(error)(f"{error} ({name_of(picture.frame)})") from error
+            progress.advance(task)
+
+
+def _warn_once(warnings: Iterable[str], frame: Frame | None, frames: Sequence[Frame | None], told: set[str]) -> None:
+    """Warns of each kind of thing at the first frame where it is met, and names that unless it is the first of all."""
+    from usd_scenes.reader import kind_of, name_of  # noqa: PLC0415 - USD is slow to import
+
+    new = {kind: warning for warning in warnings if (kind := kind_of(warning)) not in told}
+    told.update(new)
+    warn([warning if frame == frames[0] else f"{warning} ({name_of(frame)})" for warning in new.values()])
 
 
 def _choose_wish(preset: str, others: Mapping[str, object]) -> Wish | None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -12,6 +10,7 @@ from fgf_warp.errors import CorruptFileError
 from fgf_warp.output.exr import read_exr
 from generators.dataset import layout
 from generators.dataset.reader import Dataset
+from generators.dataset.scratch import scratch_folder
 
 
 def read_channels(dataset: Dataset, index: int) -> dict[str, np.ndarray]:
@@ -21,8 +20,8 @@ def read_channels(dataset: Dataset, index: int) -> dict[str, np.ndarray]:
         CorruptFileError: where it is missing or damaged.
     """
     name = f"{dataset.folders[index]}/{layout.RADIANCE}"
-    if dataset.store.folder:
-        return read_exr(dataset.store.folder / name)[0]
+    if file := dataset.store.local_file(name):
+        return read_exr(file)[0]
     try:
         content = dataset.store.read(name)
     except FileNotFoundError as error:
@@ -41,11 +40,11 @@ def decode_channels(content: bytes, name: str) -> dict[str, np.ndarray]:
         CorruptFileError: where it is damaged.
     """
     # OpenImageIO reads files by name alone.
-    with tempfile.NamedTemporaryFile(suffix=".exr") as file:
-        file.write(content)
-        file.flush()
+    with scratch_folder() as folder:
+        file = folder / layout.RADIANCE
+        file.write_bytes(content)
         try:
-            return read_exr(Path(file.name))[0]
+            return read_exr(file)[0]
         except CorruptFileError as error:
             raise CorruptFileError(f"{name}: is damaged or no EXR") from error
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from fgf_warp.errors import CorruptFileError
+from fgf_warp.settings import Aov
+from generators.dataset import layout
 
 META_KEY = b"fgf_warp.plan"
 INDEX, SPLIT, SEED = "index", "split", "seed"
@@ -61,6 +63,8 @@ class PlanMeta:
         device: kind of device, ``cpu`` or ``cuda``: they round differently.
         description: a sentence of the author's.
         license: SPDX identifier.
+        stages: names of the stages that the dataset holds, see `generators.dataset.layout.SCENE`; a dataset of before
+            this was kept holds none.
     """
 
     name: str
@@ -80,6 +84,7 @@ class PlanMeta:
     device: str = "cpu"
     description: str = ""
     license: str = ""
+    stages: tuple[str, ...] = ()
 
 
 def is_open(quality: Mapping[str, Any]) -> bool:
@@ -117,6 +122,34 @@ def read_plan(content: bytes, name: str) -> tuple[PlanMeta, pa.Table]:
             AxisMeta(**{**axis, "values": None if axis["values"] is None else tuple(axis["values"])})
             for axis in found.pop("axes")
         )
-        return PlanMeta(**{**found, "axes": axes, "aovs": tuple(found["aovs"])}), table
-    except (pa.ArrowException, OSError, ValueError, TypeError, KeyError) as error:
-        raise CorruptFileError(f"{name}: is damaged or not the plan of a dataset") from error
+        listed = {name: tuple(found.get(name, ())) for name in ("aovs", "stages")}
+        meta = PlanMeta(**{**found, "axes": axes, **listed})
+        if _is_plan(meta, table):
+            return meta, table
+        error: Exception | None = None
+    except (pa.ArrowException, OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as caught:
+        error = caught
+    raise CorruptFileError(f"{name}: is damaged or not the plan of a dataset") from error
+
+
+def _is_plan(meta: PlanMeta, table: pa.Table) -> bool:
+    """Whether values have their types, and the table the columns that every plan has, with a row for each index."""
+    types: dict[str, Any] = {"str": str, "int": int, "bool": bool, "float": (int, float), "dict[str, Any]": dict}
+    parts: list[Any] = [meta, *meta.axes]
+    values = [(entry.type, getattr(part, entry.name)) for part in parts for entry in fields(part)]
+    if not all(isinstance(value, types.get(str(kind), object)) for kind, value in values):
+        return False
+    for axis in meta.axes:
+        # What a table's head cannot hold, and values that no place on the contact sheet is for.
+        f"{meta.digest}{axis.name}{axis.target}{axis.unit}".encode()
+        if axis.values is not None and not set(table[axis.name].to_pylist()) <= set(axis.values):
+            return False
+    needed = {INDEX, SPLIT, SEED, *(axis.name for axis in meta.axes)}
+    return (
+        needed <= set(table.column_names)
+        and table[INDEX].to_pylist() == list(range(table.num_rows))
+        and set(table[SPLIT].to_pylist()) <= set(layout.SPLITS)
+        and all(isinstance(seed, int | str) for seed in table[SEED].to_pylist())
+        and set(meta.aovs) <= set(Aov)
+        and min(meta.width, meta.height) >= 1
+    )

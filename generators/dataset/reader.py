@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from fnmatch import fnmatch
 from functools import cached_property
 from pathlib import Path
 
 import pyarrow as pa
 
 from fgf_warp.errors import ConfigError, CorruptFileError
-from fgf_warp.output.atomic import PARTIAL_GLOB
 from generators.dataset import layout
 from generators.dataset.plan_table import INDEX, SPLIT, PlanMeta, read_plan
 from generators.dataset.record import (
@@ -37,11 +35,16 @@ class Dataset:
 
     def __init__(self, location: str | Path) -> None:
         self.store = Store(location)
-        if not self.store.exists(layout.PLAN):
+        try:
+            is_there = self.store.exists(layout.PLAN)
+            content = self.store.read(layout.PLAN) if is_there else b""
+        except FileNotFoundError:
+            is_there = False
+        if not is_there:
             raise ConfigError(f"{location}: holds no dataset; accepted: a folder that fgf generate made")
         self.meta: PlanMeta
         self.plan: pa.Table
-        self.meta, self.plan = read_plan(self.store.read(layout.PLAN), f"{location}/{layout.PLAN}")
+        self.meta, self.plan = read_plan(content, f"{location}/{layout.PLAN}")
 
     @cached_property
     def folders(self) -> tuple[str, ...]:
@@ -79,16 +82,22 @@ class Dataset:
         return [decode_timing(content, name) for name, content in self._read(indices, layout.TIMING)]
 
     def failures(self) -> dict[int, Failure]:
-        """Why samples that were tried are not there, by index."""
+        """Why samples that were tried are not there, by index.
+
+        Raises:
+            CorruptFileError: for a note that cannot be read, by name.
+        """
         found = {}
         for name in self.store.sizes(layout.FAILURES):
-            if fnmatch(name.rpartition("/")[2], PARTIAL_GLOB):
-                continue  # it is being written, by another shard's run
+            if not layout.is_failure(name):
+                continue  # it is being written, by another shard's run, or is not of the dataset
             try:
                 content = self.store.read(name)
             except FileNotFoundError:
                 continue  # the sample has been finished since
             failure = decode_failure(content, f"{self.store.location}/{name}")
+            if layout.failure(failure.index) != name or failure.index >= self.plan.num_rows:
+                raise CorruptFileError(f"{self.store.location}/{name}: is of sample {failure.index}")
             found[failure.index] = failure
         return found
 

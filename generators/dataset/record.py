@@ -5,13 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path, PurePosixPath
+from types import NoneType
+from typing import Any, TypeVar
 
 from fgf_warp.errors import CorruptFileError
 
 OWN_HASH = "sha256"
 """Key of the hash of all else that a note says."""
+STAGES_COME_BACK = "fgf generate with the config that the dataset was made from writes the stages anew"
+"""What heals stages, which do not follow from the rest of a dataset."""
 
 
 @dataclass(frozen=True)
@@ -90,12 +94,32 @@ class Failure:
     attempts: int
 
 
+@dataclass(frozen=True)
+class SceneRecord:
+    """What the stages of a dataset are made of.
+
+    Args:
+        files: of the folder, by name.
+    """
+
+    files: Mapping[str, FileEntry]
+
+
+Note = TypeVar("Note", Record, Timing, Failure)
+
+
 def file_entry(content: bytes) -> FileEntry:
     """Size and hash of a file's content."""
     return FileEntry(len(content), hashlib.sha256(content).hexdigest())
 
 
-def encode(value: Record | Timing | Failure) -> bytes:
+def file_entry_at(path: Path) -> FileEntry:
+    """Size and hash of a file, which may be large."""
+    with path.open("rb") as file:
+        return FileEntry(path.stat().st_size, hashlib.file_digest(file, "sha256").hexdigest())
+
+
+def encode(value: Record | Timing | Failure | SceneRecord) -> bytes:
     """As JSON, equal for equal values, with a hash of itself: nothing else tells whether a number in it has changed.
 
     What is None is left out.
@@ -116,7 +140,8 @@ def decode_record(content: bytes, name: str) -> Record:
     """
     found = _decode(content, name)
     try:
-        return Record(**{**found, "files": {key: FileEntry(**entry) for key, entry in found["files"].items()}})
+        files = {key: FileEntry(**entry) for key, entry in found["files"].items()}
+        return _checked(Record(**{**found, "files": files}))
     except (KeyError, TypeError, AttributeError) as error:
         raise _damaged(name) from error
 
@@ -124,7 +149,7 @@ def decode_record(content: bytes, name: str) -> Record:
 def decode_timing(content: bytes, name: str) -> Timing:
     """Reads a ``timing.json``; raises as `decode_record` does."""
     try:
-        return Timing(**_decode(content, name))
+        return _checked(Timing(**_decode(content, name)))
     except TypeError as error:
         raise _damaged(name) from error
 
@@ -132,20 +157,54 @@ def decode_timing(content: bytes, name: str) -> Timing:
 def decode_failure(content: bytes, name: str) -> Failure:
     """Reads the note on a failure; raises as `decode_record` does."""
     try:
-        return Failure(**_decode(content, name))
+        return _checked(Failure(**_decode(content, name)))
     except TypeError as error:
         raise _damaged(name) from error
+
+
+def decode_scene_record(content: bytes, name: str) -> SceneRecord:
+    """Reads a ``files.json``; raises as `decode_record` does."""
+    try:
+        files = {key: FileEntry(**entry) for key, entry in _decode(content, name)["files"].items()}
+    except (CorruptFileError, KeyError, TypeError, AttributeError) as error:
+        raise CorruptFileError(f"{name}: is damaged; {STAGES_COME_BACK}") from error
+    for key in files:
+        # A name that leads elsewhere would have a stranger's dataset write there.
+        if key in ("", "..") or key != PurePosixPath(key).name or "\\" in key:
+            raise CorruptFileError(f"{name}: names {key!r}; accepted: files of its own folder")
+    return SceneRecord(files)
+
+
+def _checked(note: Note) -> Note:
+    """The note, if its values have their types.
+
+    Raises:
+        TypeError: where one has another.
+    """
+    types: dict[str, Any] = {"int": int, "str": str, "float": (int, float), "float | None": (int, float, NoneType)}
+    for entry in fields(note):
+        if not isinstance(getattr(note, entry.name), types.get(str(entry.type), object)):
+            raise TypeError(entry.name)
+    if isinstance(note, Record):
+        numbers = [*note.statistics.values(), *(entry.bytes for entry in note.files.values())]
+        if not all(isinstance(number, int | float) for number in numbers) or not isinstance(note.targets, dict):
+            raise TypeError("statistics")
+    return note
 
 
 def _decode(content: bytes, name: str) -> dict[str, Any]:
     try:
         found = json.loads(content)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise _damaged(name) from error
     if not isinstance(found, dict):
         raise _damaged(name)
     own_hash = found.pop(OWN_HASH, None)
-    if own_hash != hashlib.sha256(_as_json(found)).hexdigest():
+    try:
+        is_as_written = own_hash == hashlib.sha256(_as_json(found)).hexdigest()
+    except (ValueError, RecursionError):
+        is_as_written = False  # such as a NaN
+    if not is_as_written:
         raise _damaged(name)
     return found
 

@@ -53,7 +53,7 @@ def write_dataset_report(dataset: Dataset, path: Path | None = None, progress: P
         style=_source("page.css"),
         script=_source("page.js"),
         data=_as_script(table),
-    ).encode()
+    ).encode(errors="replace")
     if path is None:
         dataset.store.write(layout.REPORT, html)
         return f"{dataset.store.location}/{layout.REPORT}"
@@ -63,7 +63,7 @@ def write_dataset_report(dataset: Dataset, path: Path | None = None, progress: P
 
 def rerender_command(dataset: Dataset) -> str:
     """The command that renders one sample again, with ``{index}`` in the place of its number."""
-    location = shlex.quote(f"{dataset.store.location}/{layout.CONFIG}")
+    location = shlex.quote(dataset.store.location)
     device = " --device cuda:0" if dataset.meta.device == "cuda" else ""
     return f"fgf generate {location} --sample {{index}} --out {shlex.quote(dataset.meta.name)}-sample-{{index}}{device}"
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -15,6 +14,7 @@ from fgf_warp.output.drawing import resize_linear
 from fgf_warp.output.images import write_image
 from generators.dataset.images import read_channels
 from generators.dataset.reader import Dataset
+from generators.dataset.scratch import scratch_folder
 
 SHOWN_MAX = 2000
 """Pictures of a page, so that it stays one that a browser opens at once."""
@@ -39,8 +39,8 @@ def make_thumbnails(dataset: Dataset, indices: Sequence[int], progress: Progress
     """
     width = WIDTH_OF_FEW if len(indices) <= FEW else WIDTH
     made = {}
-    with tempfile.TemporaryDirectory() as temporary, ThreadPoolExecutor(WORKERS) as pool:
-        uris = pool.map(lambda index: _data_uri(dataset, index, width, Path(temporary, f"{index}.jpg")), indices)
+    with scratch_folder() as folder, ThreadPoolExecutor(WORKERS) as pool:
+        uris = pool.map(lambda index: _data_uri(dataset, index, width, folder / f"{index}.jpg"), indices)
         for done, (index, uri) in enumerate(zip(indices, uris, strict=True), start=1):
             made[index] = uri
             if progress:

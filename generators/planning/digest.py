@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from fgf_warp.scene import Image
+
 
 def content_hash(content: Any) -> str:
     """Hexadecimal SHA-256 of what `canonical` gives, or of anything JSON-ready."""
@@ -23,8 +25,9 @@ def canonical(value: Any) -> Any:
         array = np.ascontiguousarray(value)
         return [str(array.dtype), array.shape, hashlib.sha256(array.tobytes()).hexdigest()]
     if is_dataclass(value):
-        # Where the scene was read from does not change a pixel.
-        named = {field.name: canonical(getattr(value, field.name)) for field in fields(value) if field.name != "source"}
+        # Where the scene and its pictures were read from does not change a pixel.
+        place = "name" if isinstance(value, Image) else "source"
+        named = {field.name: canonical(getattr(value, field.name)) for field in fields(value) if field.name != place}
         return {"type": type(value).__name__, **named}
     if isinstance(value, Mapping):
         return {str(key): canonical(item) for key, item in value.items()}

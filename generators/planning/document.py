@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import difflib
 import io
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +17,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from fgf_warp.errors import ConfigError
+from generators.dataset.layout import scene_file
 from generators.planning.axes import AXIS_FORMS, AxisConfig, GridConfig
 from generators.planning.config import (
     ImageConfig,
@@ -27,6 +27,7 @@ from generators.planning.config import (
     SweepConfig,
     TargetsConfig,
 )
+from generators.planning.scenes import stage_name
 
 Keys = tuple[int | str, ...]
 """Where a value is in a document."""
@@ -75,22 +76,26 @@ class LoadedConfig:
         there = _keys_in(self.document, keys)
         return ConfigError(f"{_origin(there, self.path, self.document, self.overridden)}: {_joined(keys)}: {text}")
 
-    def to_bytes(self, folder: Path | None) -> bytes:
-        """The config in force as the content of a file, from where it works again.
+    def to_bytes(self) -> bytes:
+        """The config in force as a dataset keeps it: its stages are the dataset's own, and what they were is told."""
+        document, told = copy.deepcopy(self.document), dict[str, str]()
 
-        Args:
-            folder: where it is to be written; None where that is no folder of this machine, and names of stages stay
-                as they are.
-        """
-        document = copy.deepcopy(self.document)
-        if folder is not None:
-            if "scene" in document:
-                document["scene"] = self._seen_from(folder, document["scene"])
-            for axis in self.scene_axes:
-                listed = document["axes"][axis]
-                names = listed if isinstance(listed, CommentedSeq) else listed["values"]
-                names[:] = [self._seen_from(folder, name) for name in names]
+        def own(name: str) -> str:
+            held = scene_file(stage_name(name))
+            if name != held:
+                told[held] = name
+            return held
+
+        if "scene" in document:
+            document["scene"] = own(document["scene"])
+        for axis in self.scene_axes:
+            listed = document["axes"][axis]
+            names = listed if isinstance(listed, CommentedSeq) else listed["values"]
+            names[:] = [own(name) for name in names]
         content = io.BytesIO()
+        for held, name in told.items():
+            # As a literal, since a name may hold the end of a line.
+            content.write(f"# {held} was {name!r}\n".encode())
         YAML().dump(document, content)
         return content.getvalue()
 
@@ -98,9 +103,6 @@ class LoadedConfig:
     def scene_axes(self) -> tuple[str, ...]:
         """Keys of the axes whose values are stages."""
         return tuple(key for key, axis in self.config.axes.items() if (axis.target or key) == "scene")
-
-    def _seen_from(self, folder: Path, name: str) -> str:
-        return Path(os.path.relpath(self.file(name), folder)).as_posix()
 
 
 def load_config(path: Path, overrides: Sequence[str] = ()) -> LoadedConfig:

@@ -26,7 +26,7 @@ from generators.planning.sampling import (
     sample_parameters,
     sample_seed,
 )
-from generators.planning.scenes import Key, Recipe, SceneReader
+from generators.planning.scenes import Key, Recipe, SceneReader, stage_name
 from generators.planning.targets import MEDIUM_FIELDS
 from generators.stage import BaseScene
 from generators.tradeoff.front import read_front
@@ -103,6 +103,10 @@ class Plan:
         if sample.medium is None:
             return scene.media
         return tuple(sample.medium if medium.name == sample.medium.name else medium for medium in scene.media)
+
+    def of_dataset(self, location: str) -> Plan:
+        """The same of the stages that a dataset holds, wherever those are that the plan was made of."""
+        return replace(self, scenes=SceneReader(replace(self.scenes.recipe, dataset=location)))
 
     def to_bytes(self) -> bytes:
         """The content of ``plan.parquet``."""
@@ -222,10 +226,10 @@ def _recipe(loaded: LoadedConfig, sweep: Sweep) -> Recipe:
             names.extend(str(value) for value in axis.config.grid_values())
     stages: dict[str, str] = {}
     for name in names:
-        path = loaded.file(name)
-        if path.name in stages:
-            raise loaded.error(("axes",), f"two stages are called {path.name}; accepted: files of different names")
-        stages[path.name] = str(path.absolute())  # A worker may start in another folder.
+        called = stage_name(name)
+        if called in stages:
+            raise loaded.error(("axes",), f"two stages are called {called}; accepted: files of different names")
+        stages[called] = str(loaded.file(name).absolute())  # A worker may start in another folder.
     return Recipe(
         stages=stages,
         targets={axis.name: axis.target for axis in sweep.axes if axis.target.kind != "medium"},
@@ -382,6 +386,7 @@ def _meta(loaded: LoadedConfig, sweep: Sweep, survey: _Survey, settings: RenderS
         version=__version__,
         seed=config.seed,
         scene=", ".join(recipe.stages),
+        stages=tuple(recipe.stages),
         medium=", ".join(names),
         axes=tuple(_axis_meta(axis) for axis in sweep.axes),
         width=settings.width,

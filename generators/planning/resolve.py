@@ -7,12 +7,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from graphlib import CycleError, TopologicalSorter
-from pathlib import Path
 
 from fgf_warp.errors import ConfigError
 from generators.planning.axes import GRID_FORMS, AxisConfig
 from generators.planning.document import Keys, LoadedConfig, nearest, shown
 from generators.planning.expressions import CONSTANTS, FUNCTIONS, Expression
+from generators.planning.scenes import stage_name
 from generators.planning.targets import KNOWN, MEDIUM_FIELDS, NAME, RESERVED, Target, column_name, parse_target
 
 TARGET_FORMS = "/World/Key.inputs:intensity, /World/Ball.xformOp:translate[0] or /World/Set{look}"
@@ -38,11 +38,11 @@ class Axis:
 
     @cached_property
     def values(self) -> tuple[float | str, ...] | None:
-        """In order, of an axis on the grid; else None. Stages are called by their files alone."""
+        """In order, of an axis on the grid; else None. Stages are called as in `stage_name`."""
         if not self.config.is_on_grid:
             return None
         values = self.config.grid_values()
-        return tuple(Path(str(value)).name for value in values) if self.target.kind == "scene" else values
+        return tuple(stage_name(str(value)) for value in values) if self.target.kind == "scene" else values
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ import numpy as np
 
 from fgf_warp.errors import ConfigError
 from fgf_warp.scene import Camera
+from generators.dataset.scene_files import scene_folder
 from generators.planning.config import OrbitConfig
 from generators.planning.digest import canonical, content_hash
 from generators.planning.targets import Target
@@ -36,13 +37,14 @@ class Recipe:
     """How the scenes of a plan are made.
 
     Args:
-        stages: path of each stage, by the name of its file.
+        stages: path of each stage, by the name of its file, see `stage_name`.
         targets: what the axes change, by column, without those of the swept medium.
         camera: prim path or name; None takes the stage's.
         orbit: where the camera is put; None leaves it where it is.
         frame: time code; None takes the stage's start.
         width: of the images [pixel]; None follows from the stage.
         height: likewise.
+        dataset: location of the one that holds the stages under these names; None takes them from where they are.
     """
 
     stages: Mapping[str, str]
@@ -52,6 +54,7 @@ class Recipe:
     frame: float | None = None
     width: int | None = None
     height: int | None = None
+    dataset: str | None = None
 
     def key(self, parameters: Mapping[str, float | str]) -> Key:
         """What tells the scenes of samples apart."""
@@ -66,7 +69,7 @@ class Recipe:
         """A stage with other values, with its own camera; its source is the name of the stage's file alone.
 
         Raises:
-            FgfError: where the stage is not accepted, or not with these values.
+            FgfError: where the stage is not there, not accepted, or not with these values.
         """
         view: dict[str, Any] = {"camera": self.camera, "frame": self.frame, "scene": next(iter(self.stages))}
         edits: dict[str, float | str] = {}
@@ -76,15 +79,16 @@ class Recipe:
                 edits[str(target)] = value
             else:
                 view[target.name] = value
+        name = view["scene"]
         base = load_scene(
-            Path(self.stages[view["scene"]]),
+            Path(self.stages[name]) if self.dataset is None else scene_folder(self.dataset) / name,
             camera=view["camera"],
             frame=view["frame"],
             edits=edits,
             width=self.width,
             height=self.height,
         )
-        return replace(base, scene=replace(base.scene, source=view["scene"]))
+        return replace(base, scene=replace(base.scene, source=name))
 
     def put_camera(self, base: BaseScene, key: Key) -> BaseScene:
         """The same with the camera on its orbit, if there is one.
@@ -143,6 +147,13 @@ class SceneReader:
         self._open = self._open or OpenStages()
         with self._open:
             return self.recipe.read_stage(stage_key)
+
+
+def stage_name(path: str) -> str:
+    """What a stage is called in plans and labels: by its file in the dataset."""
+    from usd_scenes.localizing import stage_file_name  # noqa: PLC0415 - USD is slow to import
+
+    return stage_file_name(Path(path).name)
 
 
 def orbiting(

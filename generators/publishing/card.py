@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-import jinja2
 import pyarrow as pa
 
 from fgf_warp.output.exr import channel_names
 from fgf_warp.settings import Aov
 from generators.dataset import layout
 from generators.dataset.plan_table import INDEX, SEED, SPLIT, AxisMeta, PlanMeta
-from generators.publishing.columns import COMPLETE, FAILED, MISSING, STATUS
+from generators.publishing.columns import COMPLETE, FAILED, MISSING, OURS, STATUS
+from generators.publishing.markdown import code, markdown_template, plain
 from generators.publishing.words import CITATION, DOI, describe, describe_quality
 
 VALUES_SHOWN = 9
@@ -31,10 +31,12 @@ def write_card(meta: PlanMeta, index: pa.Table) -> str:
     """
     status, split_of = index[STATUS].to_pylist(), index[SPLIT].to_pylist()
     counts = Counter(zip(split_of, status, strict=True))
-    columns = {field.name: _Words(field) for field in index.schema}
+    targets = {axis.name: axis.target for axis in meta.axes}
+    columns = {field.name: _Words(field, targets) for field in index.schema}
     return _TEMPLATE.render(
         meta=meta,
-        lead=describe(meta),
+        lead=plain(describe(meta)),
+        version=plain(meta.version),
         facts=_facts(meta, index.num_rows, status.count(COMPLETE)),
         size=next((name for limit, name in SIZES if index.num_rows < limit), "n>1M"),
         statuses=(COMPLETE, FAILED, MISSING),
@@ -42,7 +44,7 @@ def write_card(meta: PlanMeta, index: pa.Table) -> str:
         splits=[split for split in layout.SPLITS if split in split_of],
         patterns={split: _patterns(meta, split) for split in layout.SPLITS if counts[split, COMPLETE]},
         axes=[(columns[axis.name], _range_of(axis, index)) for axis in meta.axes],
-        constants=[f"`{name}` = {value}" for name, value in _constants(meta, index)],
+        constants=[f"{code(name)} = {plain(value)}" for name, value in _constants(meta, index)],
         columns=columns.values(),
         citation=CITATION,
         doi=DOI,
@@ -59,21 +61,28 @@ def _facts(meta: PlanMeta, planned: int, complete: int) -> Iterator[tuple[str, s
         yield "further planes", ", ".join(meta.aovs)
     yield "channels", f"`{'`, `'.join(channel_names(frozenset(Aov(name) for name in meta.aovs)))}`"
     yield "noise", f"bounded by {describe_quality(meta)}; what each sample reached is in the labels"
-    yield "scene", f"{meta.scene}, medium `{meta.medium}`" if meta.medium else meta.scene
-    device = "the CPU" if meta.device == "cpu" else meta.device.upper()
-    yield "made with", f"FGF-Warp {meta.version} on {device}, dataset seed {meta.seed}"
-    yield "licence", meta.license or "not stated"
+    yield "scene", f"{plain(meta.scene)}, medium {code(meta.medium)}" if meta.medium else plain(meta.scene)
+    device = "the CPU" if meta.device == "cpu" else plain(meta.device.upper())
+    yield "made with", f"FGF-Warp {plain(meta.version)} on {device}, dataset seed {meta.seed}"
+    yield "licence", plain(meta.license) or "not stated"
 
 
 class _Words:
-    """Meaning and unit of a column."""
+    """Name, meaning and unit of a column, in Markdown.
 
-    def __init__(self, field: pa.Field) -> None:
-        self.name = field.name
+    Args:
+        field: of the column.
+        targets: what each axis changes, by its name.
+    """
+
+    def __init__(self, field: pa.Field, targets: Mapping[str, str]) -> None:
+        self.name_code = code(field.name)
         self.type = str(field.type).replace("element: ", "")
         self.meaning = field.metadata[b"meaning"].decode()
-        unit = field.metadata[b"unit"].decode()
-        self.unit_code = f"`{unit}`" if unit else ""
+        if field.name not in OURS:
+            target = targets.get(field.name)
+            self.meaning = plain(self.meaning) if target is None else f"value of {code(target)}"
+        self.unit_code = code(field.metadata[b"unit"].decode())
 
 
 def _patterns(meta: PlanMeta, split: str) -> list[str]:
@@ -84,13 +93,13 @@ def _patterns(meta: PlanMeta, split: str) -> list[str]:
 
 def _range_of(axis: AxisMeta, index: pa.Table) -> str:
     if axis.values is not None:
-        shown = [_shown(value) for value in axis.values]
+        shown = [plain(_shown(value)) for value in axis.values]
         if len(shown) <= VALUES_SHOWN:
             return ", ".join(shown)
         return f"{', '.join(shown[:3])}, ... {', '.join(shown[-2:])} ({len(shown)} values)"
     values = [value for value in index[axis.name].to_pylist() if value is not None]
     if not values or axis.category:
-        return ", ".join(sorted(set(values)))
+        return ", ".join(plain(_shown(value)) for value in sorted(set(values)))
     return f"{_shown(min(values))} to {_shown(max(values))}, drawn or computed for each sample"
 
 
@@ -110,16 +119,11 @@ def _shown(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, int | float) else str(value)
 
 
-_TEMPLATE = jinja2.Environment(
-    autoescape=False,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
-).from_string(
+_TEMPLATE = markdown_template(
     """---
-pretty_name: {{ meta.name | tojson }}
+pretty_name: {{ meta.name | quoted }}
 {% if meta.license %}
-license: {{ meta.license | lower | tojson }}
+license: {{ meta.license | lower | quoted }}
 {% endif %}
 size_categories:
 - {{ size }}
@@ -136,13 +140,13 @@ configs:
   - split: {{ split }}
     path:
 {% for path in paths %}
-    - {{ path | tojson }}
+    - {{ path | quoted }}
 {% endfor %}
 {% endfor %}
 {% endif %}
 ---
 
-# {{ meta.name }}
+# {{ meta.name | plain }}
 
 {{ lead }}
 
@@ -160,7 +164,7 @@ configs:
 | axis | meaning | unit | values |
 |---|---|---|---|
 {% for column, values in axes %}
-| `{{ column.name }}` | {{ column.meaning }} | {{ column.unit_code }} | {{ values }} |
+| {{ column.name_code }} | {{ column.meaning }} | {{ column.unit_code }} | {{ values }} |
 {% endfor %}
 {% else %}
 Nothing but the seed of the noise.
@@ -266,7 +270,7 @@ Of `index.parquet`; where a value is not known, as of a sample that is missing, 
 | column | type | unit | meaning |
 |---|---|---|---|
 {% for column in columns %}
-| `{{ column.name }}` | {{ column.type }} | {{ column.unit_code }} | {{ column.meaning }} |
+| {{ column.name_code }} | {{ column.type }} | {{ column.unit_code }} | {{ column.meaning }} |
 {% endfor %}
 
 ## Files
@@ -282,23 +286,26 @@ data/SPLIT/000000/record.json      what the render reached, with size and SHA-25
 data/SPLIT/000000/timing.json      how long it took
 plan.parquet                       what each sample is to be
 config.yaml                        what the plan was made from
+{% if meta.stages %}
+scene/                             the stages that it names, with all that they are made of
+{% endif %}
 ```
 
 ## Check it, render it again
 
-Every sample follows from the plan, its seed and the version of FGF-Warp. With FGF-Warp {{ meta.version }} installed,
+Every sample follows from the plan, its seed and the version of FGF-Warp. With FGF-Warp {{ version }} installed,
 
 ```sh
 fgf verify . --deep                          # is every file what it should be?
 fgf generate config.yaml --out ../again      # the same dataset anew
 ```
 
-The plan's SHA-256 is `{{ meta.digest }}`.
+The plan's SHA-256 is {{ meta.digest | code }}.
 {% if meta.license %}
 
 ## Licence
 
-{{ meta.license }}
+{{ meta.license | plain }}
 {% endif %}
 
 ## Cite

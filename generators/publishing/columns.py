@@ -92,6 +92,8 @@ RESERVED = frozenset(
     {*(column.name for column in RESULTS), *STATISTICS, *TARGETS, "file_name", "image", "label", "radiance", "alpha"}
 )
 """Names that no axis can have: the columns of every dataset, and those that loaders make."""
+OURS = frozenset({*PLANNED, *(column.name for column in RESULTS), *STATISTICS, *TARGETS})
+"""Columns whose meaning is in our words."""
 
 
 def columns_of(dataset: Dataset, records: Iterable[Record]) -> tuple[Column, ...]:

@@ -25,6 +25,8 @@ THUMBNAIL_WIDTH, MANY, THUMBNAIL_WIDTH_OF_MANY = 256, 60, 160
 """[pixel] Widest thumbnail of a sheet, and of one with many samples."""
 ASPECT = 1.5
 """Width over height that a sheet aims at."""
+NAME_LENGTH = 160
+"""[character] Longest name in the title."""
 LABEL_WIDTH = 280
 """[pixel] Widest label beside a row."""
 MARGIN, GAP, GROUP_GAP, LABEL_GAP = 40, 10, 18, 14
@@ -245,7 +247,12 @@ def _title(meta: PlanMeta, index: pa.Table, shown: int) -> tuple[str, str]:
     parts = [samples, meta.scene, f"{meta.width} × {meta.height}", describe_quality(meta), f"seed {meta.seed}"]
     if absent:
         parts.insert(1, f"{absent:,} not there")
-    return meta.name, "  ·  ".join(part for part in parts if part)
+    return _shortened(meta.name), "  ·  ".join(_shortened(part) for part in parts if part)
+
+
+def _shortened(words: str) -> str:
+    """So that no name makes the sheet wider than any screen."""
+    return words if len(words) <= NAME_LENGTH else f"{words[: NAME_LENGTH - 3]}..."
 
 
 def _caption(meta: PlanMeta, index: pa.Table, sample: int) -> list[str]:
@@ -272,7 +279,7 @@ def _wrap(parts: Sequence[str], width: int) -> list[str]:
 
 def _fitted(words: str, size: int, width: int) -> str:
     """The words, or as much of their end as fits: of a path or the name of a file, that tells the most."""
-    shown = words
+    shown = words if len(words) <= NAME_LENGTH else f"...{words[-NAME_LENGTH:]}"
     while text_width(shown, size) > width and len(shown) > 4:
         shown = f"...{shown[4:]}"
     return shown

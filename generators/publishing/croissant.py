@@ -49,6 +49,7 @@ FILES = {
     ),
     layout.PLAN: ("plan", "What each sample is to be: its parameters and its seed.", PARQUET),
     layout.CONFIG: ("config", "What the plan was made from.", "application/yaml"),
+    layout.SCENE_RECORD: ("scene", "The files of the stages, with sizes and hashes.", "application/json"),
     layout.CARD: ("card", "What a person should know of the dataset.", "text/markdown"),
     layout.CONTACT_SHEET: ("contact-sheet", "All samples, or some of many, in one picture.", "image/png"),
     **{
@@ -60,13 +61,14 @@ FILES = {
 SPLIT_URLS = {"train": "cr:TrainingSplit", "validation": "cr:ValidationSplit", "test": "cr:TestSplit"}
 
 
-def write_croissant(meta: PlanMeta, index: pa.Table, files: Mapping[str, bytes]) -> bytes:
+def write_croissant(meta: PlanMeta, index: pa.Table, files: Mapping[str, bytes], published: str | None = None) -> bytes:
     """The metadata as the content of ``croissant.json``.
 
     Args:
         meta: of the dataset.
         index: its labels, see `generators.publishing.index`.
         files: contents of those of `FILES` that are there, by name.
+        published: the day in ISO 8601; None is today.
     """
     splits = [split for split in layout.SPLITS if split in index[SPLIT].to_pylist()]
     document = {
@@ -78,11 +80,27 @@ def write_croissant(meta: PlanMeta, index: pa.Table, files: Mapping[str, bytes])
         "citeAs": CITATION,
         **({"license": meta.license} if meta.license else {}),
         "version": meta.version,
-        "datePublished": datetime.now(UTC).date().isoformat(),
+        "datePublished": published or datetime.now(UTC).date().isoformat(),
         "distribution": _files(meta, files),
         "recordSet": [_split_names(splits), *([_views()] if meta.png else []), _samples(index, with_views=meta.png)],
     }
-    return (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode()
+    # A name may hold halves of characters, which no file can.
+    return (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode(errors="replace")
+
+
+def claimed_hashes(content: bytes) -> dict[str, str]:
+    """What the content of a ``croissant.json`` says of the files of `FILES`, by name; nothing where it is damaged."""
+    try:
+        found = json.loads(content)
+    except (ValueError, RecursionError):
+        return {}
+    entries = found.get("distribution") if isinstance(found, dict) else None
+    listed = [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
+    return {
+        entry["contentUrl"]: str(entry["sha256"])
+        for entry in listed
+        if isinstance(entry.get("contentUrl"), str) and entry["contentUrl"] in FILES and "sha256" in entry
+    }
 
 
 def _files(meta: PlanMeta, files: Mapping[str, bytes]) -> list[dict[str, Any]]:

@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from generators.dataset import layout
-from generators.dataset.plan_table import INDEX, SPLIT
+from generators.dataset.plan_table import INDEX, SPLIT, PlanMeta
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Record, Timing
 from generators.publishing.columns import COMPLETE, EXR, FAILED, MISSING, PNG, STATUS, columns_of
@@ -67,6 +67,23 @@ def split_labels(index: pa.Table, split: str) -> pa.Table:
     """
     there = index.filter(pc.and_(pc.equal(index[SPLIT], split), pc.equal(index[STATUS], COMPLETE)))
     return there.drop_columns([STATUS])
+
+
+def split_table(meta: PlanMeta, index: pa.Table, split: str) -> pa.Table | None:
+    """The table of a split's complete samples, with the paths of their views where there are any.
+
+    Args:
+        meta: of the dataset.
+        index: of `build_index`.
+        split: its name.
+
+    Returns:
+        None where the split has no complete sample.
+    """
+    labels = split_labels(index, split)
+    if not labels.num_rows:
+        return None
+    return with_file_names(labels) if meta.png else labels
 
 
 def with_file_names(labels: pa.Table) -> pa.Table:

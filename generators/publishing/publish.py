@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 import pyarrow as pa
 
 from fgf_warp.output.color import write_png
 from generators.dataset import layout
 from generators.dataset.reader import Dataset
+from generators.dataset.scratch import scratch_folder
 from generators.publishing.card import write_card
 from generators.publishing.contact_sheet import draw_contact_sheet
 from generators.publishing.croissant import FILES, write_croissant
-from generators.publishing.index import build_index, parquet_bytes, split_labels, with_file_names
+from generators.publishing.index import build_index, parquet_bytes, split_table
 
 
 def publish(dataset: Dataset) -> None:
@@ -25,7 +23,9 @@ def publish(dataset: Dataset) -> None:
     Raises:
         CorruptFileError: where a record or an image that is needed cannot be read, by name.
         OutputError: where a file cannot be written.
+        GoneError: where the dataset is not there any more.
     """
+    dataset.store.check_there()
     index = build_index(dataset)
     _write_labels(dataset, index)
     dataset.store.write(layout.INDEX, parquet_bytes(index))
@@ -39,16 +39,15 @@ def publish(dataset: Dataset) -> None:
 def _write_labels(dataset: Dataset, index: pa.Table) -> None:
     """The labels of each split that has complete samples."""
     for split in layout.SPLITS:
-        labels = split_labels(index, split)
-        if labels.num_rows:
-            content = parquet_bytes(with_file_names(labels) if dataset.meta.png else labels)
-            dataset.store.write(layout.split_metadata(split), content)
-        else:
+        labels = split_table(dataset.meta, index, split)
+        if labels is None:
             dataset.store.remove(layout.split_metadata(split))
+        else:
+            dataset.store.write(layout.split_metadata(split), parquet_bytes(labels))
 
 
 def _contact_sheet(dataset: Dataset, index: pa.Table) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, layout.CONTACT_SHEET)
+    with scratch_folder() as folder:
+        path = folder / layout.CONTACT_SHEET
         write_png(path, draw_contact_sheet(dataset, index))
         return path.read_bytes()

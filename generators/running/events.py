@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -12,6 +13,8 @@ from typing import Any, BinaryIO
 from fgf_warp.errors import OutputError
 from generators.dataset.store import Store
 
+LONGEST_LINE = 2**20
+"""[byte]"""
 UPLOAD_SECONDS = 10.0
 """Between two uploads to an object store, which has no appending."""
 
@@ -36,8 +39,9 @@ class EventLog:
             self._content = store.read(name) if store.exists(name) else b""
             return
         path = store.folder / name
+        store.make_folder(name.rpartition("/")[0])
+        store.clear_way(name)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open("a+b", buffering=0)
             self._drop_torn_line()
         except OSError as error:
@@ -81,10 +85,15 @@ class EventLog:
     def _drop_torn_line(self) -> None:
         """What a machine that stopped left of the last line."""
         assert self._file
-        self._file.seek(0)
-        content = self._file.read()
-        if content and not content.endswith(b"\n"):
-            self._file.truncate(content.rfind(b"\n") + 1)
+        end = self._file.seek(0, os.SEEK_END)
+        start = self._file.seek(max(0, end - LONGEST_LINE))
+        tail = self._file.read()
+        if not tail or tail.endswith(b"\n"):
+            return
+        if b"\n" in tail or start == 0:
+            self._file.truncate(start + tail.rfind(b"\n") + 1)
+        else:
+            self._file.write(b"\n")  # what is so long is no line of ours
 
     def _upload(self) -> None:
         self._store.write(self._name, self._content)

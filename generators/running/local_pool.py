@@ -9,12 +9,14 @@ import threading
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import TYPE_CHECKING
 
 from fgf_warp.errors import FgfError
 from generators.dataset.store import Store
+from generators.interrupts import unheard
 from generators.running.messages import Chunk, Ended, Lost, Message, in_one_line
 from generators.running.render import Way, render_chunk
 
@@ -88,7 +90,11 @@ class LocalPool:
     def _start(self) -> _Worker:
         ours, theirs = SPAWN.Pipe()
         process = SPAWN.Process(target=_serve, args=(theirs, *self._arguments), daemon=True)
-        process.start()
+        with unheard():
+            # It is started with the first process, and would let the signals through again.
+            resource_tracker.ensure_running()
+        with unheard():
+            process.start()
         theirs.close()
         worker = _Worker(process, ours)
         self._workers.append(worker)
@@ -125,8 +131,6 @@ def _end_of(process: BaseProcess) -> str:
 
 def _serve(pipe: Connection, plan: Plan, location: str, way: Way) -> None:
     """Renders the chunks that come through the pipe."""
-    # Ctrl-C reaches all processes of a terminal; the one that started this one ends it.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     from generators.commands.common import start_warp  # noqa: PLC0415 - starts Warp
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from fgf_warp.errors import ConfigError, FgfError
 from generators.dataset.store import Store
+from generators.interrupts import handlers_kept
 from generators.running.messages import Chunk, Ended, Finished, Lost, Message, in_one_line
 from generators.running.render import Way, render_chunk
 
@@ -44,7 +45,8 @@ class OnRay:
         self._ray = ray
         self._starts = not ray.is_initialized()
         if self._starts:
-            ray.init(logging_level=logging.WARNING, log_to_driver=False)
+            with handlers_kept():
+                ray.init(logging_level=logging.WARNING, log_to_driver=False)
         self._workers, self._cores = workers, way.threads or 1
         self._gpus = int(plan.settings.device.startswith("cuda"))
         self._arguments = (ray.put(plan), str(store.folder or store.location), Way(self._cores))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -217,8 +216,15 @@ class _Writer:
         self._pool.shutdown()
 
     def _write(self, sample: Sample, result: RenderResult) -> Finished:
+        folder = layout.sample_folder(sample.split, sample.index)
+        self._store.check_there()
+        with self._store.workspace(folder) as made_in:
+            self._commit(sample, result, folder, made_in)
+        return Finished(sample.index, result.seconds)
+
+    def _commit(self, sample: Sample, result: RenderResult, folder: str, made_in: Path) -> None:
         started = time.perf_counter()
-        files, over = encode_images(self._plan, sample, result), self._plan.meta.quality.get("error_over")
+        files, over = encode_images(self._plan, sample, result, made_in), self._plan.meta.quality.get("error_over")
         record = Record(
             index=sample.index,
             plan=self._plan.meta.digest,
@@ -234,10 +240,8 @@ class _Writer:
         )
         seconds = time.perf_counter() - started
         timing = Timing(result.seconds, seconds, f"{platform.node()}:{os.getpid()}", self._attempt)
-        folder = layout.sample_folder(sample.split, sample.index)
         files |= {layout.RECORD: encode(record), layout.TIMING: encode(timing)}
-        self._store.commit(folder, files, replaces=self._way.repairs)
-        return Finished(sample.index, result.seconds)
+        self._store.commit(folder, files, replaces=self._way.repairs, made_in=made_in)
 
 
 def _describe_choice(plan: Plan, result: RenderResult) -> str | None:
@@ -248,17 +252,25 @@ def _describe_choice(plan: Plan, result: RenderResult) -> str | None:
     return ", ".join(differing) or "balanced"
 
 
-def encode_images(plan: Plan, sample: Sample, result: RenderResult) -> dict[str, bytes]:
-    """The image files of a sample, by name."""
+def encode_images(plan: Plan, sample: Sample, result: RenderResult, folder: Path) -> dict[str, bytes]:
+    """Writes the image files of a sample.
+
+    Args:
+        plan: of the dataset.
+        sample: that was rendered.
+        result: of its render.
+        folder: to write them into.
+
+    Returns:
+        Their contents by name.
+    """
     dataset = {
         "name": plan.meta.name,
         "plan": plan.meta.digest,
         "index": sample.index,
         "swept": dict(sample.parameters),
     }
-    with tempfile.TemporaryDirectory(prefix="fgf-") as temporary:
-        folder = Path(temporary)
-        write_exr(folder / layout.RADIANCE, replace(result, provenance={**result.provenance, "dataset": dataset}))
-        if plan.meta.png:
-            write_png(folder / layout.IMAGE, result, plan.meta.exposure)
-        return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+    write_exr(folder / layout.RADIANCE, replace(result, provenance={**result.provenance, "dataset": dataset}))
+    if plan.meta.png:
+        write_png(folder / layout.IMAGE, result, plan.meta.exposure)
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}

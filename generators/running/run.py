@@ -21,6 +21,7 @@ from generators.dataset.plan_table import is_open
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Failure, encode
 from generators.dataset.store import Store
+from generators.interrupts import held_back
 from generators.publishing.columns import COMPLETE, STATUS
 from generators.publishing.publish import publish
 from generators.running.dispatch import run_chunks
@@ -33,6 +34,7 @@ from generators.running.on_slurm import OnSlurm
 from generators.running.opening import opened, sole
 from generators.running.render import Way, cores, render_chunk
 from generators.running.shard import Shard, cut_chunks
+from generators.running.stages import Tell
 
 if TYPE_CHECKING:
     from generators.planning.plan import Plan
@@ -132,6 +134,7 @@ def generate(
     only: Collection[int] | None = None,
     workers: Workers | None = None,
     on_progress: OnProgress | None = None,
+    tell: Tell | None = None,
 ) -> Report:
     """Renders the samples that a dataset does not have yet, and publishes all that it has.
 
@@ -143,12 +146,15 @@ def generate(
         only: indices of samples, to render no others.
         workers: who renders; by default this process with all cores. They change no file but the timing.
         on_progress: called with each finished sample, and in one process with parts of one, from any thread.
+        tell: called with a line for the user, before much is copied.
 
     Raises:
         ConfigError: where there is something else at this location, where another run is under way on these samples,
             where the settings' memory does not hold one image, or where a denoiser is asked for and not installed.
         OutputError: where a file cannot be written. What is finished stays.
-        CorruptFileError: where a record of the dataset cannot be read.
+        GoneError: where the dataset is removed meanwhile; nothing more is written then.
+        CorruptFileError: where a record of the dataset cannot be read, or its own stages, of which the plan was made,
+            are damaged.
     """
     from fgf_warp.output.denoise import check_denoiser  # noqa: PLC0415
     from fgf_warp.renderer import check_memory  # noqa: PLC0415 - starts Warp
@@ -158,18 +164,23 @@ def generate(
         check_denoiser()
     started = time.perf_counter()
     store, shard, workers = Store(os.fspath(location)), shard or Shard(), workers or Workers()
-    with opened(plan, config, store, shard) as indices, EventLog(store, layout.events(shard.suffix)) as log:
+    with opened(plan, config, store, shard, tell) as indices, EventLog(store, layout.events(shard.suffix)) as log:
         try:
+            # What is rendered is what the dataset holds, so it can be rendered again without anything else.
+            plan = plan.of_dataset(str(store.folder or store.location))
             run = _Run(plan, store, _chosen(indices, only), log, on_progress)
             interrupted = run.render(workers, shard)
-            with sole(store):
-                publish(Dataset(store.location))
-            report = run.report(interrupted, time.perf_counter() - started)
+            with held_back():
+                with sole(store):
+                    publish(Dataset(store.location))
+                report = run.report(interrupted, time.perf_counter() - started)
+                log.write("end", interrupted=interrupted, complete=report.finished, failed=len(report.failures))
         except FgfError as error:
             with suppress(OutputError):
                 log.write("end", error=str(error))
+            if isinstance(error, OutputError):
+                store.check_there()  # which is then what there is to know
             raise
-        log.write("end", interrupted=interrupted, complete=report.finished, failed=len(report.failures))
         return report
 
 
@@ -229,22 +240,26 @@ class _Run:
             samples=len(self._indices),
             reused=len(self._indices) - len(self._pending),
         )
-        self._tell()
-        if not self._pending:
-            return False
-        executor = self._executor(workers)
+        try:
+            self._tell()
+            if self._pending:
+                self._render(self._executor(workers))
+        except KeyboardInterrupt:
+            return True
+        return False
+
+    def _render(self, executor: Executor) -> None:
         self._started = time.perf_counter()
         try:
             chunks = cut_chunks(self._pending, executor.slots * executor.chunks_per_slot)
             run_chunks(chunks, executor, self._log, self._is_there, self._finish)
-        except KeyboardInterrupt:
-            return True
         finally:
-            executor.close()
-            # Alone, since another shard's run may be publishing by way of files that look half-written.
-            with sole(self._store):
-                self._store.sweep([layout.sample_name(index) for index in self._indices])
-        return False
+            with held_back():
+                executor.close()
+                if self._store.exists(layout.PLAN):
+                    # Alone, since another shard's run may be publishing by way of files that look half-written.
+                    with sole(self._store):
+                        self._store.sweep([layout.sample_name(index) for index in self._indices])
 
     def report(self, interrupted: bool, seconds: float) -> Report:
         """How it went, by the labels."""
@@ -283,6 +298,7 @@ class _Run:
     def _finish(self, finished: Finished, attempt: int) -> None:
         """Notes what came of a sample."""
         index, name = finished.index, layout.failure(finished.index)
+        self._store.check_there()
         if finished.error is not None:
             self._failures[index] = finished.error
             self._store.write(name, encode(Failure(index, finished.error, attempt)))

@@ -83,7 +83,7 @@ def save(report: Report, folder: Path, quick: bool) -> None:
 
 def machine() -> dict[str, Any]:
     """What the times depend on."""
-    return {"processor": _processor(), "cores": os.cpu_count(), "system": f"{platform.system()} {platform.machine()}"}
+    return {"processor": processor(), "cores": os.cpu_count(), "system": f"{platform.system()} {platform.machine()}"}
 
 
 def as_line(row: Row) -> str:
@@ -137,7 +137,8 @@ def _value(value: float, unit: str) -> str:
     return f"{value:.4g} {unit}"
 
 
-def _processor() -> str:
+def processor() -> str:
+    """The name of this machine's."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
+import fgf_warp.convergence  # before its functions are replaced
 import fgf_warp.renderer
 import usd_scenes.reader
 from tests.renders import made_up_render

@@ -1,6 +1,7 @@
 """Settings chosen by what was measured, for an error or a time that one can afford."""
 
 import math
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -212,7 +213,7 @@ def test_datasets_choose_for_each_sample_and_can_be_made_again(tmp_path, monkeyp
     assert not verify_dataset(dataset).findings
     before = content(tmp_path / "data")
     for index in range(2):
-        Store(tmp_path / "data").remove(dataset.folders[index])
+        shutil.rmtree(tmp_path / "data" / dataset.folders[index])
     spp = {row["index"]: row["spp"] for row in labels}
     list(render_again(plan, Store(tmp_path / "data"), range(2), spp))
     assert content(tmp_path / "data") == before

@@ -1,4 +1,5 @@
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -14,12 +15,14 @@ import usd_scenes.reader
 from fgf_warp.errors import NumericalError, OutputError
 from fgf_warp.features import explain
 from fgf_warp.output.exr import read_exr
+from fgf_warp.scene import Medium
 from fgf_warp.settings import RENDERED_AOVS, Aov, RenderSettings, Sampler
 from generators.cli import app
 from generators.dataset.reader import Dataset
 from generators.dataset.store import Store
 from tests.renders import made_up_render
 from tests.scenes import furnace
+from usd_scenes.examples import build_sphere
 from usd_scenes.reader import StageReading
 
 
@@ -474,7 +477,7 @@ def test_generate_goes_on_with_another_memory(tmp_path, config_path, fake_render
 
     monkeypatch.setattr(fgf_warp.renderer, "render", render)
     assert fgf("generate", config_path, "--out", tmp_path / "data").exit_code == 0
-    Store(tmp_path / "data").remove("data/train/000001")
+    shutil.rmtree(tmp_path / "data/data/train/000001")
     outcome = fgf("generate", config_path, "--out", tmp_path / "data", "--memory", 0.25)
     assert outcome.exit_code == 0, outcome.output
     assert "1 of 6 samples rendered, 5 from earlier runs" in outcome.stdout
@@ -624,14 +627,16 @@ def test_plan_shows_the_samples(config_path, monkeypatch):
     assert "0.0893 MB" in outcome.stdout
 
 
-def test_validate_tells_what_is_there(config_path, stage):
-    outcome = fgf("validate", stage)
+def test_validate_tells_what_is_there(config_path, stage, tmp_path):
+    built = tmp_path / "built.usda"
+    build_sphere(Medium(name="", mean_extinction=2.5, hurst=-0.5)).Export(str(built))
+    outcome = fgf("validate", built)
     assert outcome.exit_code == 0
-    assert "/camera" in outcome.stdout
-    assert "/medium: H = -0.5" in outcome.stdout
+    assert "camera  /World/Camera" in outcome.stdout
+    assert "/World/Looks/Medium: H = -0.5" in outcome.stdout
     assert "sigma_m = 2.5; classical exponential, b = 0" in outcome.stdout
-    assert "/sphere: sphere, filled with /medium" in outcome.stdout
-    assert "/sky: DomeLight" in outcome.stdout
+    assert "/World/Sphere: sphere, filled with /World/Looks/Medium" in outcome.stdout
+    assert "DomeLight" in outcome.stdout
     of_config = fgf("validate", config_path).stdout
     assert "6 samples, sweeping H, g, S_w" in of_config
     assert "/medium: H = -0.5" in of_config
@@ -645,16 +650,56 @@ def test_validate_tells_all_that_is_wrong(tmp_path):
         '#usda 1.0\n(\n    defaultPrim = "A"\n    upAxis = "Y"\n)\n'
         + "".join(f'def Sphere "{name}"\n{{\n    double radius = 0\n}}\n' for name in "AB")
     )
-    outcome = fgf("validate", path)
+    assert fgf("validate", path).exit_code == 0  # the spheres are left out
+    outcome = fgf("validate", path, "--strict")
     assert outcome.exit_code == 2
     *findings, summary, verdict = outcome.stdout.splitlines()
     assert [line.split(": ")[:2] for line in findings] == [
-        ["error", "/"],
         ["error", "/A.radius"],
         ["error", "/B.radius"],
+        ["warning", "/"],
+        ["warning", "/"],
     ]
-    assert summary == f"{path}: 3 errors, 0 warnings"
+    assert "no camera" in findings[-1]
+    assert "metersPerUnit" in findings[-2]
+    assert summary == f"{path}: 2 errors, 2 warnings"
     assert verdict == "not accepted by the renderer"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("render", "STAGE", "-o", "LONG.exr"),
+        ("render", "STAGE", "-o", "LONG/a.exr"),
+        ("render", "STAGE", "-o", "a.exr", "--png", "LONG.png"),
+        ("render", "LONG.usda", "-o", "a.exr"),
+        ("validate", "LONG.usda"),
+        ("plan", "LONG.yaml"),
+    ],
+)
+def test_a_name_that_no_file_can_have_is_refused(tmp_path, stage, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    spelled = [argument.replace("STAGE", str(stage)).replace("LONG", "x" * 300) for argument in arguments]
+    assert_refused(fgf(*spelled), "File name too long")
+
+
+def test_validate_takes_what_changes_what_is_read(tmp_path, config_path):
+    path = tmp_path / "scene.usda"
+    path.write_text(
+        '#usda 1.0\n(\n    defaultPrim = "A"\n)\ndef DomeLight "A"\n{\n    asset inputs:texture:file = @gone.png@\n}\n'
+        'def Camera "One"\n{\n}\ndef Camera "Two"\n{\n}\n'
+    )
+    plain = fgf("validate", path, "--frames", "1:3", "--camera", "/Two")
+    assert plain.exit_code == 0
+    assert "camera  /Two" in plain.stdout
+    assert plain.stdout.count("gone.png") == 1
+    strict = fgf("validate", path, "--strict")
+    assert strict.exit_code == 2
+    assert "error: /A.inputs:texture:file" in strict.stdout
+    assert_refused(fgf("validate", path, "--frames", "1:3x0"), "stride 0; accepted")
+    assert_refused(fgf("validate", path, "--frames", "1", "--defaultTime"), "exclude each other")
+    assert_refused(fgf("validate", path, "--purposes", "gide"), "purposes = gide; accepted")
+    assert_refused(fgf("validate", config_path, "--frames", "1"), "--frames is of a stage")
 
 
 @pytest.mark.parametrize("command", ["render", "generate", "plan", "init", "schema", "validate", "law"])

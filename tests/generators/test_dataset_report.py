@@ -75,9 +75,7 @@ def test_many_samples_are_shown_by_some(tmp_path):
 
 def test_the_command_names_the_sample(dataset):
     location = dataset.store.location
-    assert rerender_command(dataset) == (
-        f"fgf generate {location}/config.yaml --sample {{index}} --out made-up-sample-{{index}}"
-    )
+    assert rerender_command(dataset) == (f"fgf generate {location} --sample {{index}} --out made-up-sample-{{index}}")
 
 
 def test_the_command_line_writes_it_elsewhere_too(dataset, tmp_path):

@@ -40,8 +40,11 @@ def offline(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
-    """In a folder whose name alone would make all of it the test split."""
+    """In a folder whose name alone would make all of it the test split, with pictures that are parts of a stage."""
     dataset = make_dataset(tmp_path_factory.mktemp("made") / "test_x", MISSING, FAILED)
+    picture = dataset.store.read(f"{dataset.folders[0]}/{layout.IMAGE}")
+    for name in ("train.png", "validation-00000-of-00001.png"):
+        dataset.store.write(layout.scene_file(name), picture)
     publish(dataset)
     return dataset
 
@@ -83,7 +86,7 @@ def test_a_split_of_one_sample_is_a_folder_of_images_too(offline, dataset, tmp_p
     shutil.copytree(dataset.store.folder, tmp_path / "one")
     one = Dataset(tmp_path / "one")
     for index in (11, 17):
-        one.store.remove(one.folders[index])
+        shutil.rmtree(one.store.folder / one.folders[index])
     publish(one)
     loaded = offline.load_dataset(str(tmp_path / "one"))
     assert {split: rows.num_rows for split, rows in loaded.items()} == {**SPLITS, "test": 1}

@@ -118,7 +118,7 @@ def test_names_that_do_not_tell_images_apart_are_refused(bare: Path, frames, out
 
 
 def test_every_product_is_written_for_every_frame(with_products: Path, tmp_path: Path) -> None:
-    pictures, warnings = plan_pictures(with_products, [1, 2], None, None, None)
+    pictures, warnings = plan_pictures(with_products, [1, 2], None, None, None, tmp_path)
     assert [(p.frame, p.product, p.exr.name) for p in pictures] == [
         (1, "/One", "one.1.exr"),
         (1, "/Two", "two.001.exr"),
@@ -128,7 +128,7 @@ def test_every_product_is_written_for_every_frame(with_products: Path, tmp_path:
     assert {p.exr.parent for p in pictures} == {tmp_path}
     assert warnings == []
     with pytest.raises(ConfigError, match=r"one.2.exr: is the name of several images"):
-        plan_pictures(with_products, [2, 3], None, None, None)
+        plan_pictures(with_products, [2, 3], None, None, None, tmp_path)
 
 
 def test_output_names_the_first_products_image(with_products: Path) -> None:
@@ -142,6 +142,77 @@ def test_a_product_is_an_exr(tmp_path: Path) -> None:
     path.write_text(PRODUCTS.replace(".exr", ".jpg"))
     with pytest.raises(ConfigError, match=r"/One.productName = .*jpg; accepted: a file name that ends in .exr"):
         plan_pictures(path, [1], None, None, None)
+
+
+NAMED = """#usda 1.0
+def RenderSettings "Settings"
+{
+    rel products = [</One>, </Two>]
+}
+def RenderProduct "One"
+{
+    token productName = "ONE"
+}
+def RenderProduct "Two"
+{
+    token productName = "TWO"
+}
+"""
+
+
+@pytest.fixture
+def named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Writes a stage with products of these names; the working directory has a folder, and links to it and to another.
+
+    Whoever names files in a stage may be anyone.
+    """
+    work = tmp_path / "work"
+    (work / "film").mkdir(parents=True)
+    (tmp_path / "others").mkdir()
+    (work / "same").symlink_to("film")
+    (work / "away").symlink_to(tmp_path / "others")
+    (work / "loop").symlink_to("loop")
+    monkeypatch.chdir(work)
+
+    def write(one: str, two: str = "two.exr") -> Path:
+        path = tmp_path / "named.usda"
+        path.write_text(NAMED.replace("ONE", one).replace("TWO", two))
+        return path
+
+    return write
+
+
+OUTSIDE = ("/ABSOLUTE/a.exr", "../a.exr", "film/../../a.exr", "missing/../../a.exr", "away/a.exr", "same/../../a.exr")
+
+
+@pytest.mark.parametrize("name", [*OUTSIDE, "loop/a.exr"])
+def test_a_stage_writes_no_file_outside_the_working_directory(named, tmp_path: Path, name: str) -> None:
+    name = name.replace("/ABSOLUTE", str(tmp_path / "others"))
+    with pytest.raises(ConfigError, match=r"/One.productName = .*a\.exr: leads out of .*/work;|loop/a.exr: is no name"):
+        plan_pictures(named(name), [1], None, None, None)
+
+
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_an_output_root_is_where_products_lie(named, tmp_path: Path, name: str) -> None:
+    name = name.replace("/ABSOLUTE", str(tmp_path / "others"))
+    (tmp_path / "work" / "inner").mkdir()
+    inside, _ = plan_pictures(named("film/a.exr"), [1], None, None, None, Path("inner"))
+    assert [picture.exr for picture in inside] == [Path("inner/film/a.exr"), Path("inner/two.exr")]
+    with pytest.raises(ConfigError, match="leads out of"):
+        plan_pictures(named("../a.exr"), [1], None, None, None, Path("inner"))
+    anywhere, _ = plan_pictures(named(str(tmp_path / "work" / name)), [1], None, None, None, Path("/"))
+    assert anywhere[0].exr == tmp_path / "work" / name
+
+
+@pytest.mark.parametrize("pair", [("a.exr", "./a.exr"), ("film/a.exr", "same/a.exr"), ("a.exr", "film/../a.exr")])
+def test_two_products_of_one_file_are_refused_however_they_spell_it(named, pair: tuple[str, str]) -> None:
+    with pytest.raises(ConfigError, match=r"a\.exr: is the name of several images"):
+        plan_pictures(named(*pair), [1], None, None, None)
+
+
+def test_the_users_own_name_may_lie_anywhere(named, tmp_path: Path) -> None:
+    pictures, _ = plan_pictures(named("../a.exr"), [1], tmp_path / "b.exr", None, None)
+    assert [picture.exr for picture in pictures] == [tmp_path / "b.exr"]
 
 
 def test_render_vars_go_by_their_common_names() -> None:

@@ -10,6 +10,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from markdown_it import MarkdownIt
 from ruamel.yaml import YAML
 
 from fgf_warp.errors import CorruptFileError
@@ -132,7 +133,7 @@ def test_an_object_store_holds_the_same_files(published):
 
 
 def test_a_split_that_lost_its_samples_loses_its_labels(dataset):
-    dataset.store.remove("data/test")
+    shutil.rmtree(dataset.store.folder / "data/test")
     publish(dataset)
     assert not dataset.store.exists(layout.split_metadata("test"))
     assert [files["split"] for files in front_matter(dataset)["configs"][0]["data_files"]] == ["train", "validation"]
@@ -223,3 +224,80 @@ def test_a_name_that_yaml_would_read_otherwise_stays_a_name(dataset):
     change_plan(dataset, name="no: 1", license="")
     assert front_matter(dataset)["pretty_name"] == "no: 1"
     assert "license" not in front_matter(dataset)
+
+
+NASTY = (
+    "a | b",
+    "`ticks` ``` and ``two``",
+    "<script>alert(1)</script> &amp; &lt;",
+    "# heading\n---\n\n- item\r\n| x |",
+    "*stars* _lines_ ~~gone~~ [link](http://x) ![picture](y)",
+    "1. first\n\n    code\n",
+    "$x_1$ \\| \\` \\\\",
+    "\u2028\u0007\ud800 ends {{ meta.name }} {% raw %}",
+    "---\nlicense: mit",
+    "--- \u2603 \U0001f600",
+    "<!-- \n\n```python",
+)
+
+
+def as_read(text):
+    """What a page shows of a text in one line."""
+    shown = re.sub(r"[\x00-\x1f\ufeff\ud800-\udfff]", lambda found: " " if found[0].isspace() else "\ufffd", text)
+    return " ".join(shown.split())
+
+
+def cells_of(tokens):
+    """The tables of a page: rows of cells, as text."""
+    rows, row, text = [], None, None
+    for token in tokens:
+        if token.type == "tr_open":
+            row = []
+        elif token.type in ("td_open", "th_open"):
+            text = None
+        elif token.type == "inline" and row is not None:
+            text = "".join(child.content for child in token.children)
+        elif token.type in ("td_close", "th_close"):
+            row.append(text or "")
+        elif token.type == "tr_close":
+            rows.append(row)
+            row = None
+    return rows
+
+
+KINDS = {"text", "text_special", "code_inline", "softbreak", "strong_open", "strong_close", "image"} | {
+    "link_open",
+    "link_close",
+}
+"""What lines of our cards consist of."""
+TITLES = ["What varies", "The physics", "Load it", "Columns", "Files", "Check it, render it again", "Licence", "Cite"]
+
+
+@pytest.mark.parametrize("text", NASTY)
+def test_words_of_others_are_only_words_in_the_card(dataset, text):
+    """Of the dataset, the stage, the medium, an axis, its target, unit and values, and of the licence."""
+    name = text.replace("\ud800", "")  # a table cannot hold it
+    axis = replace(META.axes[3], name=name, target=f"/World{{{name}}}", unit=name, values=None)
+    table = dataset.plan
+    values = [f"{name} {look}" for look in table["look"].to_pylist()]
+    table = table.set_column(table.column_names.index("look"), name, [values])
+    words = dict.fromkeys(("name", "description", "license", "scene", "medium"), text)
+    change_plan(dataset, table, axes=(*META.axes[:3], axis), **words)
+    _, head, body = re.split(r"^---\n", dataset.store.read(layout.CARD).decode(), maxsplit=2, flags=re.M)
+    front = YAML(typ="safe").load(head)
+    assert as_read(front["pretty_name"]) == as_read(text)
+    assert as_read(front["license"]) == as_read(text.lower())
+    tokens = MarkdownIt("gfm-like", {"linkify": False}).parse(body)
+    headings = [tokens[i + 1] for i, token in enumerate(tokens) if token.type == "heading_open"]
+    assert "".join(child.content for child in headings[0].children) == as_read(text)
+    assert [heading.content for heading in headings[1:]] == TITLES
+    assert {child.type for token in tokens for child in token.children or ()} <= KINDS
+    assert not [token for token in tokens if token.type.startswith("html")]
+    rows = cells_of(tokens)
+    facts = {row[0]: row[1] for row in rows if len(row) == 2}
+    assert facts["scene"] == f"{as_read(text)}, medium {as_read(text)}"
+    assert facts["licence"] == as_read(text)
+    (swept, column) = (row for row in rows if row[0] == as_read(name))
+    assert swept[1:3] == [f"value of {as_read(axis.target)}", as_read(name)]
+    assert swept[3] == f"{as_read(values[0])}, {as_read(values[1])}"
+    assert column == [as_read(name), "string", as_read(name), f"value of {as_read(axis.target)}"]

@@ -28,7 +28,7 @@ DAMAGED = (
 
 def make(folder, tmp_path, *overrides):
     loaded = load_config(write_config(tmp_path), overrides)
-    generate(build_plan(loaded), loaded.to_bytes(folder), folder)
+    generate(build_plan(loaded), loaded.to_bytes(), folder)
     return folder
 
 
@@ -130,11 +130,43 @@ def test_what_a_person_wrote_is_kept(folder):
     (folder / "notes.txt").write_text("mine")
     (folder / "data/train/.000003.0123456789ab.partial").mkdir()
     outcome = repair(folder)
-    assert outcome.exit_code == 4
+    assert outcome.exit_code == 0
     assert (folder / "run/README.replaced.md").read_text() == text
     assert (folder / "notes.txt").read_text() == "mine"
     assert not (folder / "data/train/.000003.0123456789ab.partial").exists()
     assert "notes.txt: a file that is not of the dataset" in outcome.stdout.splitlines()[-2]
+
+
+def test_what_is_not_of_the_dataset_is_never_removed(folder):
+    """Beside files of a damaged sample, in the place of a file, of a folder, and among the notes on failures."""
+    before = content(folder)
+    flip(folder / SAMPLES[0] / "radiance.exr")
+    (folder / SAMPLES[0] / "notes.txt").write_text("mine")
+    (folder / SAMPLES[0] / "old").mkdir()
+    (folder / SAMPLES[0] / "old/notes.txt").write_text("mine too")
+    (folder / SAMPLES[1] / "record.json").unlink()
+    (folder / SAMPLES[1] / "record.json").mkdir()
+    (folder / SAMPLES[1] / "record.json/notes.txt").write_text("and mine")
+    shutil.rmtree(folder / SAMPLES[2])
+    (folder / SAMPLES[2]).write_text("a file")
+    (folder / "index.parquet").unlink()
+    (folder / "index.parquet").mkdir()
+    (folder / "index.parquet/notes.txt").write_text("mine as well")
+    (folder / "run/failures").mkdir()
+    (folder / "run/failures/notes.txt").write_text("mine")
+    outcome = repair(folder)
+    assert outcome.exit_code == 0, outcome.output
+    theirs = {
+        f"{SAMPLES[0]}/notes.txt": b"mine",
+        f"{SAMPLES[0]}/old/notes.txt": b"mine too",
+        f"{SAMPLES[1]}/record.json.aside/notes.txt": b"and mine",
+        f"{SAMPLES[2]}.aside": b"a file",
+        "index.parquet.aside/notes.txt": b"mine as well",
+    }
+    assert content(folder) == before | theirs
+    assert (folder / "run/failures/notes.txt").read_text() == "mine"
+    assert "index.parquet.aside: a folder of 1 files that is not of the dataset" in outcome.stdout
+    assert f"{SAMPLES[2]}.aside: a file that is not of the dataset" in outcome.stdout
 
 
 def test_nothing_is_lost_where_a_render_fails(folder, monkeypatch):

@@ -3,30 +3,35 @@
 import errno
 import json
 import os
+import shutil
 import signal
 import subprocess
 import threading
 import time
 import uuid
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import pytest
+from typer.testing import CliRunner
 
 import fgf_warp.renderer
-from fgf_warp.errors import ConfigError, NumericalError, OutputError
+from fgf_warp.errors import ConfigError, CorruptFileError, NumericalError, OutputError
 from fgf_warp.locks import HeldError, hold
 from fgf_warp.output.exr import read_exr
+from generators.cli import app
 from generators.dataset import layout, store
+from generators.dataset.plan_table import read_plan, write_plan
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Failure, encode
-from generators.dataset.store import Store
+from generators.dataset.store import GoneError, Store
 from generators.running import render
 from generators.running.messages import Chunk
 from generators.running.render import render_chunk
 from generators.running.run import Progress, Workers, generate, render_again
 from generators.running.shard import Shard, samples_of
-from tests.generators.small_plan import TEXT, content, labels, small_plan
+from tests.generators.small_plan import TEXT, content, labels, small_plan, write_config
 from tests.renders import made_up_render
 
 
@@ -60,7 +65,17 @@ def test_a_run_makes_all_that_is_promised(data, plan, fake_renderer):
     assert report.is_complete
     assert not report.interrupted
     assert sorted(path.name for path in data.iterdir()) == sorted(
-        [layout.CARD, layout.CONFIG, layout.CONTACT_SHEET, layout.CROISSANT, layout.INDEX, layout.PLAN, "data", "run"]
+        [
+            layout.CARD,
+            layout.CONFIG,
+            layout.CONTACT_SHEET,
+            layout.CROISSANT,
+            layout.INDEX,
+            layout.PLAN,
+            "data",
+            "run",
+            "scene",
+        ]
     )
     dataset = Dataset(data)
     assert dataset.complete() == list(range(6))
@@ -108,7 +123,7 @@ def test_a_finished_dataset_is_not_rendered_again(data, plan, fake_renderer):
 def test_a_lost_sample_is_rendered_again(data, plan, fake_renderer):
     generate(plan, TEXT, data)
     fake_renderer.clear()
-    Store(data).remove(layout.sample_folder("train", 3))
+    shutil.rmtree(data / layout.sample_folder("train", 3))
     assert generate(plan, TEXT, data).reused == 5
     assert fake_renderer == [plan.samples[3].seed]
 
@@ -303,7 +318,7 @@ def test_shards_run_at_the_same_time(tmp_path, data, plan, fake_renderer, monkey
 
     def run_again():
         for index in range(6):
-            (data / "data" / "train" / f".{index:06d}.0a1b2c.partial").mkdir(parents=True)
+            (data / "data" / "train" / f".{index:06d}.0a1b2c3d4e5f.partial").mkdir(parents=True)
         report = generate(plan, TEXT, data, shard=second)
         # What the other run may be writing at this moment is not swept.
         assert {int(path.name[1:7]) for path in data.rglob("*.partial")} == set(samples_of(plan, first))
@@ -327,8 +342,8 @@ def test_without_locks_each_sample_is_committed_once(data, plan, fake_renderer, 
     before = {}
     commit = Store.commit
 
-    def commit_once(self, folder, files, *, replaces):
-        made = commit(self, folder, files, replaces=replaces)
+    def commit_once(self, folder, files, *, replaces, made_in):
+        made = commit(self, folder, files, replaces=replaces, made_in=made_in)
         assert made == (folder not in before)
         before[folder] = self.read(f"{folder}/{layout.TIMING}")
         return made
@@ -343,14 +358,14 @@ def test_without_locks_each_sample_is_committed_once(data, plan, fake_renderer, 
 def test_leftovers_of_a_power_cut_are_swept(data, plan, fake_renderer):
     generate(plan, TEXT, data)
     leftovers = [
-        data / ".index.12ab.partial.parquet",
-        data / "data" / "train" / ".metadata.12ab.partial.parquet",
-        data / "run" / "failures" / ".000002.12ab.partial.json",
+        data / ".index.0123456789ab.partial.parquet",
+        data / "data" / "train" / ".metadata.0123456789ab.partial.parquet",
+        data / "run" / "failures" / ".000002.0123456789ab.partial.json",
     ]
     for leftover in leftovers:
         leftover.parent.mkdir(exist_ok=True)
         leftover.write_text("half")
-    (data / "data" / "train" / ".000001.12ab.partial").mkdir()
+    (data / "data" / "train" / ".000001.0123456789ab.partial").mkdir()
     generate(plan, TEXT, data)
     assert not list(data.rglob("*.partial*"))
 
@@ -392,7 +407,7 @@ def test_a_note_that_another_run_is_writing_or_removes_is_none(data, plan, fake_
     dataset = Dataset(data)
     dataset.store.write(layout.failure(1), encode(Failure(1, "none", 1)))
     dataset.store.write(layout.failure(2), encode(Failure(2, "none", 1)))
-    (data / layout.FAILURES / ".000003.12ab.partial.json").write_text("half")
+    (data / layout.FAILURES / ".000003.0123456789ab.partial.json").write_text("half")
     read = Store.read
 
     def read_late(self, name):
@@ -407,7 +422,7 @@ def test_a_note_that_another_run_is_writing_or_removes_is_none(data, plan, fake_
 def test_a_run_that_was_killed_early_leaves_no_obstacle(data, plan, fake_renderer):
     (data / "run").mkdir(parents=True)
     (data / "run" / "lock").touch()
-    (data / ".config.12ab.partial.yaml").touch()
+    (data / ".config.0123456789ab.partial.yaml").touch()
     assert generate(plan, TEXT, data).is_complete
 
 
@@ -474,13 +489,55 @@ def test_an_interrupted_run_goes_on_where_it_was(tmp_path, data, plan, fake_rend
     assert labels(data).equals(labels(tmp_path / "whole"))
 
 
+def be_removed(data):
+    shutil.rmtree(data)
+
+
+def be_moved(data):
+    data.rename(data.with_name("moved"))
+
+
+@pytest.mark.parametrize("way", [be_removed, be_moved])
+def test_a_dataset_that_is_removed_meanwhile_is_not_made_anew(data, plan, fake_renderer, monkeypatch, way):
+    advance = fgf_warp.renderer.advance
+
+    def remove_after_the_second(*arguments):
+        for image in advance(*arguments):
+            if len(fake_renderer) == 2:
+                while len(Dataset(data).complete()) < 2:
+                    time.sleep(0.01)
+                way(data)
+            yield image
+
+    monkeypatch.setattr(fgf_warp.renderer, "advance", remove_after_the_second)
+    with pytest.raises(GoneError, match=r"plan.parquet is gone: the dataset was removed or moved while a run was at"):
+        generate(plan, TEXT, data)
+    assert not data.exists()
+
+
+def test_a_removed_dataset_ends_the_command_with_what_to_know(tmp_path, data, fake_renderer, monkeypatch):
+    monkeypatch.setattr(Store, "check_there", lambda self: (_ for _ in ()).throw(GoneError(f"{data}: is gone")))
+    outcome = CliRunner().invoke(app, ["generate", str(write_config(tmp_path)), "--out", str(data)])
+    assert outcome.exit_code == 3, outcome.output
+    assert [line for line in outcome.stderr.splitlines() if "gone" in line] == [f"error: {data}: is gone"]
+
+
+def test_a_changed_plan_is_not_published_as_if_it_were_the_datasets(data, plan, fake_renderer):
+    generate(plan, TEXT, data)
+    meta, table = read_plan((data / layout.PLAN).read_bytes(), "")
+    for changed in (write_plan(replace(meta, description="changed"), table), write_plan(meta, table.slice(0, 3))):
+        (data / layout.PLAN).write_bytes(changed)
+        with pytest.raises(CorruptFileError, match=r"plan.parquet: is not as it was written; fgf verify --repair"):
+            generate(plan, TEXT, data)
+
+
 def test_a_full_disk_ends_the_run_and_leaves_what_is_finished(tmp_path, data, plan, fake_renderer, monkeypatch):
     commit = store._commit_folder
 
-    def fill_the_disk(target, files, replaces):
+    def fill_the_disk(target, *others):
         if target.name == "000001":
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return commit(target, files, replaces)
+        return commit(target, *others)
 
     monkeypatch.setattr(store, "_commit_folder", fill_the_disk)
     with pytest.raises(OutputError, match="000001: cannot be written: No space left on device"):
@@ -550,10 +607,12 @@ def test_rendering_again_takes_the_place_of_what_is_there(data, plan, fake_rende
     before = content(data)
     folder = data / layout.sample_folder("train", 2)
     (folder / layout.RADIANCE).write_bytes(b"damaged")
-    (folder / "surplus").touch()
+    (folder / "surplus").write_text("of someone else")
     (data / layout.sample_folder("train", 4) / layout.RECORD).unlink()
     finished = list(render_again(plan, Store(data), [4, 2], {2: 4}))
     assert sorted(sample.index for sample in finished) == [2, 4]
+    assert (folder / "surplus").read_text() == "of someone else"
+    (folder / "surplus").unlink()
     assert content(data) == before
 
 
@@ -561,6 +620,7 @@ def test_a_chunk_of_an_object_store_or_a_folder_is_the_same(tmp_path, plan, fake
     """The code path of every executor, called as a worker does."""
     for location in (tmp_path / "chunk", f"memory://{uuid.uuid4().hex}"):
         store = Store(location)
+        store.write(layout.PLAN, plan.to_bytes())
         finished = list(render_chunk(plan, store, Chunk((3, 5), attempt=2)))
         assert sorted(sample.index for sample in finished) == [3, 5]
         assert all(sample.seconds == 0.25 and sample.error is None for sample in finished)
@@ -595,3 +655,23 @@ def test_a_disk_that_is_full_and_then_larger(tmp_path, small_disk, fake_renderer
     assert (report.reused, report.is_complete) == (len(finished), True)
     generate(plan, TEXT, tmp_path / "whole")
     assert content(small_disk / "data") == content(tmp_path / "whole")
+
+
+def test_folders_that_others_make_meanwhile_are_not_moved_aside(tmp_path):
+    """Each round, sixteen threads make the folders of a new dataset at once; a file that stands there moves once."""
+    for round_ in range(30):
+        data = tmp_path / str(round_)
+        data.mkdir()
+        if round_ % 2:
+            (data / "data").write_text("a file of someone else")
+        place = Store(data)
+
+        def put(index, place=place):
+            with place.workspace(f"data/train/{index:06d}") as folder:
+                (folder / "a").write_text("")
+                place.commit(f"data/train/{index:06d}", {"a": b"", "record.json": b""}, made_in=folder)
+
+        with ThreadPoolExecutor(16) as pool:
+            list(pool.map(put, range(16)))
+        assert len(list((data / "data/train").glob("*/record.json"))) == 16
+        assert [path.name for path in sorted(data.iterdir())] == ["data", *(["data.aside"] if round_ % 2 else [])]

@@ -3,10 +3,12 @@
 import json
 from datetime import datetime, timedelta
 
+import pytest
 from typer.testing import CliRunner
 
 from fgf_warp.locks import hold
 from generators.checking.status import read_status
+from generators.checking.verify import verify_dataset
 from generators.cli import app
 from generators.dataset import layout
 from generators.dataset.reader import Dataset
@@ -82,6 +84,66 @@ def test_an_object_store_has_no_locks_to_ask():
     (run,) = read_status(Dataset("memory://status"), NOW).runs
     assert run.state == "under way or killed"
     assert run.left_seconds == 26
+
+
+DAMAGED_LINES = (
+    "\x00" * 40,
+    "[" * 100_000,
+    '{"time": "2026-01-02T03:04:05", "event": "sample", "done": 1, "left": 1, "rate": 1}',
+    '{"time": 5, "event": "start"}',
+    json.dumps(at(50, "start", shard=["0/1"], executor="local", samples=24, reused=4)),
+    json.dumps(at(50, "sample", done="many", left=1, rate=1)),
+    json.dumps(at(50, "sample", done=3, left=float("nan"), rate=1)),
+    json.dumps(at(50, "sample", done=3, left=1e300, rate=True)),
+    json.dumps(at(50, "end")),
+    '"start"',
+    "{",
+    "9" * 5000,
+)
+
+
+def test_lines_that_are_no_events_are_counted_and_left_out(tmp_path):
+    make_dataset(tmp_path, missing=[0])
+    write_events(tmp_path, start(), sample(10, 6, 36))
+    with (tmp_path / layout.events()).open("a") as file:
+        file.writelines(f"{line}\n" for line in DAMAGED_LINES)
+        file.write('{"time": "2026-01-02T03:0')
+    status = read_status(Dataset(tmp_path), NOW)
+    assert (status.runs[0].done, status.runs[0].state) == (6, "killed")
+    assert status.notes == ("run/events.jsonl: 12 of its lines cannot be read, and are left out",)
+    told = CliRunner().invoke(app, ["status", str(tmp_path), "--json"])
+    assert told.exit_code == 0
+    assert "warning: run/events.jsonl: 12 of its lines" in told.stderr
+    assert json.loads(told.stdout)["runs"][0]["done"] == 6
+
+
+def test_files_with_odd_names_are_no_locks(tmp_path):
+    make_dataset(tmp_path)
+    write_events(tmp_path, start(), sample(10, 6, 36))
+    for name in ("shard-a-of-b.lock", "shard-1-of-0.lock", "shard-5-of-2.lock", f"shard-1-of-{'9' * 100}.lock"):
+        (tmp_path / "run" / name).touch()
+    (tmp_path / "run/shard-0-of-3.lock").mkdir()
+    with hold(tmp_path / "run/shard-0-of-1.lock", wait=False):
+        assert read_status(Dataset(tmp_path), NOW).runs[0].state == "under way"
+    assert verify_dataset(Dataset(tmp_path)).planned == 24
+
+
+ODD_PLACES = (
+    *("zip://x", "zip://x::missing.zip", "nonsense://x", "simplecache::zip://x", "s3://", "::", "ftp://", "\0"),
+    *("reference://x", "jar://x", "tar://x", "git://x", "dir://x", "filecache://x", "http://[", "data:,x", ""),
+)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("place", ODD_PLACES)
+@pytest.mark.parametrize("command", ["status", "verify", "report"])
+def test_an_odd_place_is_refused_in_a_line(place, command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    outcome = CliRunner().invoke(app, [command, place])
+    assert isinstance(outcome.exception, SystemExit)
+    assert outcome.exit_code == 2, outcome.output
+    assert len(outcome.stderr.strip().splitlines()) == 1
+    assert outcome.stderr.startswith("error: ")
 
 
 def test_the_command_tells_people_and_programs(tmp_path):

@@ -5,6 +5,7 @@ import random
 import shutil
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
@@ -81,6 +82,79 @@ def test_any_flipped_byte_is_named(folder, name):
         assert name in names(folder), f"byte {at}"
 
 
+def other_url(document):
+    document["distribution"][2]["contentUrl"] = "elsewhere.yaml"
+
+
+def url_of_another(document):
+    document["distribution"][2]["contentUrl"] = "README.md"
+
+
+def without_a_hash(document):
+    del document["distribution"][1]["sha256"]
+
+
+def without_a_file(document):
+    del document["distribution"][3]
+
+
+def other_size(document):
+    document["distribution"][0]["contentSize"] = "1 B"
+
+
+def other_name(document):
+    document["name"] = "something else"
+
+
+def no_list(document):
+    document["distribution"] = {"files": []}
+
+
+def other_column(document):
+    document["recordSet"][-1]["field"][3]["description"] = "something else"
+
+
+CHANGES = (other_url, url_of_another, without_a_hash, without_a_file, other_size, other_name, no_list, other_column)
+
+
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("beside", [None, "README.md", "data/test/metadata.parquet"])
+def test_a_change_of_the_metadata_is_named_whatever_else_is_wrong(folder, change, beside):
+    path = folder / layout.CROISSANT
+    document = json.loads(path.read_text())
+    change(document)
+    path.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n")
+    if beside:
+        (folder / beside).unlink()
+    assert names(folder) == {layout.CROISSANT, *([beside] if beside else [])}
+
+
+def test_blanks_in_the_metadata_are_a_change(folder):
+    path = folder / layout.CROISSANT
+    path.write_text(json.dumps(json.loads(path.read_text()), ensure_ascii=False))
+    (found,) = findings(folder)
+    assert str(found) == "croissant.json: is not as it was written; expected: the same without a change"
+
+
+def claim(folder, name):
+    """Has the metadata say that the file is as it should be."""
+    path, entry = folder / layout.CROISSANT, file_entry((folder / name).read_bytes())
+    document = json.loads(path.read_text())
+    (listed,) = (one for one in document["distribution"] if one.get("contentUrl") == name)
+    listed |= {"sha256": entry.sha256, "contentSize": f"{entry.bytes} B"}
+    path.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n")
+
+
+def test_card_and_tables_are_what_would_be_published_whatever_the_metadata_say(folder):
+    card = folder / layout.CARD
+    card.write_text(card.read_text().replace("CC0-1.0", "MIT"))
+    claim(folder, layout.CARD)
+    table = pq.read_table(folder / "data/train/metadata.parquet")
+    pq.write_table(table.slice(1), folder / "data/train/metadata.parquet")
+    claim(folder, "data/train/metadata.parquet")
+    assert names(folder) == {layout.CARD, "data/train/metadata.parquet"}
+
+
 @pytest.mark.parametrize("name", [*OF_A_SAMPLE, *OF_THE_DATASET])
 def test_truncated_and_deleted_files_are_named(folder, name):
     path = folder / name
@@ -128,7 +202,8 @@ def test_what_does_not_belong_is_named_once(folder):
     (folder / "data/dev").mkdir()
     (folder / ".git").mkdir()
     (folder / "run/anything").mkdir(parents=True)
-    surplus = {"notes.txt", "old", f"{SAMPLE}/more.exr", "data/train/000099", "data/dev"}
+    (folder / ".notes.partial.txt").touch()
+    surplus = {".notes.partial.txt", "notes.txt", "old", f"{SAMPLE}/more.exr", "data/train/000099", "data/dev"}
     assert names(folder, Kind.SURPLUS) == surplus
     assert len(findings(folder)) == len(surplus)
 
@@ -255,7 +330,8 @@ def test_exit_codes(folder, tmp_path):
     assert "all is as it should be" in whole.stdout
     (folder / "notes.txt").touch()
     surplus = runner.invoke(app, ["verify", str(folder)])
-    assert surplus.exit_code == 4
+    assert surplus.exit_code == 0
+    assert "all of the dataset is as it should be; beside it 1 surplus" in surplus.stdout
     assert "notes.txt: a file that is not of the dataset; expected: nothing" in surplus.stdout
     publish(make_dataset(tmp_path / "part", missing=[5]))
     assert runner.invoke(app, ["verify", str(tmp_path / "part")]).exit_code == 3

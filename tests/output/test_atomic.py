@@ -32,10 +32,10 @@ def test_an_error_of_the_system_becomes_an_output_error(tmp_path):
 
 
 def test_leftovers_are_swept_and_nothing_else(tmp_path):
-    for name in (".000001.1234.partial.exr", "a.exr", ".hidden"):
+    for name in (".000001.0123456789ab.partial.exr", "a.exr", ".hidden", ".notes.partial.txt"):
         (tmp_path / name).write_text("")
     sweep_partial(tmp_path)
-    assert sorted(entry.name for entry in tmp_path.iterdir()) == [".hidden", "a.exr"]
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == [".hidden", ".notes.partial.txt", "a.exr"]
 
 
 def test_writable_names_are_told_from_others(tmp_path):

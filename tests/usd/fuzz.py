@@ -4,472 +4,95 @@ from __future__ import annotations
 
 import json
 import random
-import re
+import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Timer
 
-import OpenImageIO as oiio  # noqa: N813 - the name that its own documentation uses
+from pxr import Sdf, Tf
 
-from usd_scenes.examples import stage_names, stage_path
+from tests.usd.fuzz_stages import RICH, base_stages, write_pictures
+from tests.usd.fuzz_texts import changed
 
-TIME_LIMIT = 60
-"""Seconds that one stage may take."""
+CPU_LIMIT = 20
+"""Seconds of the processor that one stage may take, with its validation, after which the process is ended."""
+MEMORY_LIMIT = 2 << 30
+"""Bytes that are in memory at once, with the renderer's own."""
+TIME_LIMIT = 300
+"""Seconds by the clock after which a process that waits is ended."""
+TEXT, BINARY, PACKAGE = ".usda", ".usdc", ".usdz"
+KINDS = {TEXT: 8, BINARY: 1, PACKAGE: 1}
+"""How often each kind of file is taken; mistakes of the latter two are in their bytes, at times in their text too."""
+TRIES = 4
+"""How often a stage is made anew that cannot be parsed; one in as many stays as it is."""
 ROOT = Path(__file__).resolve().parents[2]
 
-RICH = """#usda 1.0
-(
-    defaultPrim = "World"
-    metersPerUnit = 1
-    upAxis = "Y"
-    startTimeCode = 1
-    endTimeCode = 4
-    renderSettingsPrimPath = "/Render/Settings"
-)
 
-def Xform "World"
-{
-    def Camera "Camera"
-    {
-        float focalLength = 30
-        float fStop = 2.8
-        float focusDistance = 9
-        float2 clippingRange = (0.1, 1000)
-        float exposure = 0.5
-        double shutter:open = 0
-        double shutter:close = 0.5
-        double3 xformOp:translate.timeSamples = {
-            1: (0, 0, 9),
-            4: (1, 0, 9),
-        }
-        uniform token[] xformOpOrder = ["xformOp:translate"]
-    }
-    def DomeLight "Sky"
-    {
-        float inputs:intensity = 0.5
-        asset inputs:texture:file = @sky.png@
-    }
-    def DomeLight "Air"
-    {
-        color3f inputs:color = (0.1, 0.1, 0.2)
-    }
-    def RectLight "Lamp" (
-        prepend apiSchemas = ["ShapingAPI", "CollectionAPI:lightLink"]
-    )
-    {
-        float inputs:width = 2
-        float inputs:shaping:cone:angle = 60
-        float inputs:shaping:focus = 2
-        bool inputs:normalize = 1
-        uniform token collection:lightLink:expansionRule = "expandPrims"
-        rel collection:lightLink:excludes = </World/Quad>
-        double3 xformOp:translate = (0, 5, 0)
-        float3 xformOp:rotateXYZ = (-90, 0, 0)
-        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]
-    }
-    def CylinderLight "Tube"
-    {
-        float inputs:length = 3
-        float inputs:radius = 0.1
-        double3 xformOp:translate = (0, -5, 0)
-        uniform token[] xformOpOrder = ["xformOp:translate"]
-    }
-    def SphereLight "Bulb"
-    {
-        float inputs:radius = 0.1
-        double3 xformOp:translate = (-3, 3, 0)
-        uniform token[] xformOpOrder = ["xformOp:translate"]
-    }
-    def DiskLight "Disk"
-    {
-        float inputs:radius = 0.3
-        asset inputs:texture:file = @sky.png@
-        double3 xformOp:translate = (3, 3, 0)
-        uniform token[] xformOpOrder = ["xformOp:translate"]
-    }
-    def RectLight "Window"
-    {
-        asset inputs:texture:file = @sky.png@
-        double3 xformOp:translate = (0, 3, 4)
-        uniform token[] xformOpOrder = ["xformOp:translate"]
-    }
-    def DistantLight "Sun"
-    {
-        float inputs:intensity = 1
-        float inputs:angle = 1
-    }
-    def Mesh "Screen" (
-        prepend apiSchemas = ["MeshLightAPI"]
-    )
-    {
-        point3f[] points = [(-1, 4, -3), (1, 4, -3), (0, 5, -3)]
-        int[] faceVertexCounts = [3]
-        int[] faceVertexIndices = [0, 1, 2]
-    }
-    def Cube "Fog" (
-        prepend apiSchemas = ["MaterialBindingAPI"]
-    )
-    {
-        double size = 1
-        double3 xformOp:translate.timeSamples = {
-            1: (-3, 0, 0),
-            2: (-3, 1, 0),
-        }
-        uniform token[] xformOpOrder = ["xformOp:translate"]
-        rel material:binding = </World/Looks/Fog>
-    }
-    def Cylinder "Dust" (
-        prepend apiSchemas = ["MaterialBindingAPI"]
-    )
-    {
-        double radius = 0.5
-        double height = 1
-        double3 xformOp:translate = (0, 0, -3)
-        uniform token[] xformOpOrder = ["xformOp:translate"]
-        rel material:binding = </World/Looks/Dust>
-    }
-    def Sphere "Haze" (
-        prepend apiSchemas = ["MaterialBindingAPI"]
-    )
-    {
-        double radius = 0.4
-        rel material:binding = </World/Looks/Haze>
-    }
-    def Mesh "Quad" (
-        prepend apiSchemas = ["MaterialBindingAPI"]
-    )
-    {
-        point3f[] points = [(-4, -2, -4), (4, -2, -4), (4, -2, 4), (-4, -2, 4), (0, -2, 0)]
-        int[] faceVertexCounts = [3, 3, 3, 3]
-        int[] faceVertexIndices = [1, 0, 4, 2, 1, 4, 3, 2, 4, 0, 3, 4]
-        normal3f[] normals = [(0, 1, 0), (0, 1, 0), (0, 1, 0), (0, 1, 0), (0, 1, 0)] (
-            interpolation = "vertex"
-        )
-        texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0.5)] (
-            interpolation = "vertex"
-        )
-        color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0)] (
-            interpolation = "uniform"
-        )
-        uniform token subdivisionScheme = "catmullClark"
-        uniform token subsetFamily:materialBind:familyType = "nonOverlapping"
-        rel material:binding = </World/Looks/Paint>
-
-        def GeomSubset "Half" (
-            prepend apiSchemas = ["MaterialBindingAPI"]
-        )
-        {
-            uniform token elementType = "face"
-            uniform token familyName = "materialBind"
-            int[] indices = [0, 1]
-            rel material:binding = </World/Looks/Glass>
-        }
-    }
-    def PointInstancer "Many"
-    {
-        point3f[] positions = [(-2, 1, 0), (2, 1, 0), (0, 2, -1), (2, 2, 0)]
-        quath[] orientations = [(1, 0, 0, 0), (0.7, 0.7, 0, 0), (1, 0, 0, 0), (1, 0, 0, 0)]
-        float3[] scales = [(1, 1, 1), (0.5, 1, 1), (1, 1, 2), (1, 1, 1)]
-        int[] protoIndices = [0, 1, 0, 1]
-        int64[] invisibleIds = [2]
-        rel prototypes = [</World/Many/Ball>, </World/Many/Tent>]
-
-        def Sphere "Ball"
-        {
-            double radius = 0.5
-        }
-        def Cone "Tent" (
-            prepend apiSchemas = ["MaterialBindingAPI"]
-        )
-        {
-            rel material:binding = </World/Looks/Glass>
-        }
-    }
-    def Xform "Copy" (
-        instanceable = true
-        prepend references = </World/Drop>
-    )
-    {
-        double3 xformOp:translate = (3, 0, 0)
-        uniform token[] xformOpOrder = ["xformOp:translate"]
-    }
-    def Xform "Drop"
-    {
-        def Capsule "Body" (
-            prepend apiSchemas = ["MaterialBindingAPI"]
-        )
-        {
-            rel material:binding = </World/Looks/Milk>
-        }
-    }
-    def Scope "Looks"
-    {
-        def Material "Fog" (
-            prepend apiSchemas = ["FgfMediumAPI"]
-        )
-        {
-            float inputs:fgf:hurst = -0.3
-            float inputs:fgf:whiteNoiseScale = 1
-            uniform token fgf:phaseFunction = "draine"
-            float inputs:fgf:draineAlpha = 1
-        }
-        def Material "Dust" (
-            prepend apiSchemas = ["FgfMediumAPI"]
-        )
-        {
-            float inputs:fgf:hurst = -0.7
-            float inputs:fgf:whiteNoiseScale = 0.1
-            uniform token fgf:phaseFunction = "isotropic"
-        }
-        def Material "Haze" (
-            prepend apiSchemas = ["FgfMediumAPI"]
-        )
-        {
-            float inputs:fgf:hurst = 0.3
-            float inputs:fgf:whiteNoiseScale = 0.01
-            float inputs:fgf:outerScale = 100
-            float inputs:fgf:asymmetry = 0.5
-            uniform token fgf:lineVariance = "exact"
-        }
-        def Material "Paint"
-        {
-            token outputs:surface.connect = </World/Looks/Paint/Surface.outputs:surface>
-            def Shader "Surface"
-            {
-                uniform token info:id = "UsdPreviewSurface"
-                color3f inputs:diffuseColor.connect = </World/Looks/Paint/Picture.outputs:rgb>
-                float inputs:roughness = 0.3
-                float inputs:clearcoat = 0.5
-                token outputs:surface
-            }
-            def Shader "Picture"
-            {
-                uniform token info:id = "UsdUVTexture"
-                asset inputs:file = @paint.png@
-                token inputs:wrapS = "mirror"
-                float4 inputs:scale = (1, 1, 1, 1)
-                float2 inputs:st.connect = </World/Looks/Paint/Place.outputs:result>
-                float3 outputs:rgb
-            }
-            def Shader "Place"
-            {
-                uniform token info:id = "UsdTransform2d"
-                float inputs:rotation = 30
-                float2 inputs:in.connect = </World/Looks/Paint/Reader.outputs:result>
-                float2 outputs:result
-            }
-            def Shader "Reader"
-            {
-                uniform token info:id = "UsdPrimvarReader_float2"
-                string inputs:varname = "st"
-                float2 outputs:result
-            }
-        }
-        def Material "Glass"
-        {
-            token outputs:surface.connect = </World/Looks/Glass/Surface.outputs:surface>
-            def Shader "Surface"
-            {
-                uniform token info:id = "UsdPreviewSurface"
-                float inputs:opacity = 0.4
-                float inputs:ior = 1.4
-                float inputs:metallic = 0.2
-                color3f inputs:emissiveColor = (0.1, 0, 0)
-                token outputs:surface
-            }
-        }
-        def Material "Milk" (
-            prepend apiSchemas = ["FgfMediumAPI"]
-        )
-        {
-            float inputs:fgf:meanExtinction = 2
-            color3f inputs:fgf:extinctionColor = (1, 0.5, 1)
-            float inputs:fgf:hurst = 0.2
-            float inputs:fgf:whiteNoiseScale = 1
-            float inputs:fgf:outerScale = 100
-            uniform token fgf:phaseFunction = "two_lobe"
-            float inputs:fgf:backAsymmetry = -0.3
-            float inputs:fgf:backWeight = 0.2
-            uniform token fgf:transport = "mixed"
-            uniform token fgf:boundary = "surface"
-            token outputs:surface.connect = </World/Looks/Milk/Surface.outputs:surface>
-            def Shader "Surface"
-            {
-                uniform token info:id = "UsdPreviewSurface"
-                float inputs:opacity = 0
-                float inputs:ior = 1.33
-                token outputs:surface
-            }
-        }
-    }
-}
-
-def Scope "Render"
-{
-    def RenderSettings "Settings"
-    {
-        uniform int2 resolution = (64, 48)
-        rel camera = </World/Camera>
-        uniform token aspectRatioConformPolicy = "cropAperture"
-    }
-}
-"""
-"""A bit of everything that the reader knows."""
-
-NUMBERS = [
-    "nan",
-    "inf",
-    "-inf",
-    "0",
-    "-1",
-    "1e38",
-    "-1e38",
-    "1e300",
-    "1e-45",
-    "2147483647",
-    "-2147483648",
-    "99999999999",
-]
-NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e-?\d+)?(?![\w.])")
-WORD = re.compile(r"[A-Za-z_][\w:]*")
-TYPES = [
-    "float",
-    "double",
-    "int",
-    "bool",
-    "string",
-    "token",
-    "asset",
-    "color3f",
-    "point3f[]",
-    "int[]",
-    "matrix4d",
-    "half",
-]
-PRIMS = [
-    "Sphere",
-    "Cube",
-    "Cylinder",
-    "Cone",
-    "Capsule",
-    "Plane",
-    "Mesh",
-    "Xform",
-    "Camera",
-    "DomeLight",
-    "SphereLight",
-    "DiskLight",
-    "DistantLight",
-    "PointInstancer",
-    "BasisCurves",
-    "Points",
-    "Material",
-    "Shader",
-    "RenderSettings",
-    "Nonsense",
-]
-
-
-def _choose(found: list[re.Match[str]], rng: random.Random) -> re.Match[str] | None:
-    return rng.choice(found) if found else None
-
-
-def _replace(text: str, match: re.Match[str] | None, by: str) -> str:
-    return text if match is None else text[: match.start()] + by + text[match.end() :]
-
-
-def flip_byte(text: str, rng: random.Random) -> str:
-    at = rng.randrange(len(text))
-    return text[:at] + chr(rng.choice((0, 9, 34, 40, 64, 91, 123, 127, 233, rng.randrange(32, 127)))) + text[at + 1 :]
-
-
-def replace_number(text: str, rng: random.Random) -> str:
-    return _replace(text, _choose([*NUMBER.finditer(text, 10)], rng), rng.choice(NUMBERS))
-
-
-def swap_words(text: str, rng: random.Random) -> str:
-    words = [*WORD.finditer(text)]
-    one, other = sorted(rng.sample(range(len(words)), 2))
-    return _replace(_replace(text, words[other], words[one].group()), words[one], words[other].group())
-
-
-def delete_line(text: str, rng: random.Random) -> str:
-    lines = text.splitlines(keepends=True)
-    del lines[rng.randrange(1, len(lines))]
-    return "".join(lines)
-
-
-def repeat_line(text: str, rng: random.Random) -> str:
-    lines = text.splitlines(keepends=True)
-    at = rng.randrange(1, len(lines))
-    return "".join([*lines[:at], lines[at], *lines[at:]])
-
-
-def empty_array(text: str, rng: random.Random) -> str:
-    return _replace(text, _choose([*re.finditer(r"\[[^\[\]]*\](?= *\(|\n)", text)], rng), "[]")
-
-
-def shorten_array(text: str, rng: random.Random) -> str:
-    return _replace(text, _choose([*re.finditer(r", [^,\[\]]*\](?= *\(|\n)", text)], rng), "]")
-
-
-def change_type(text: str, rng: random.Random) -> str:
-    found = _choose([*re.finditer(r"(?<=\n)( *(?:uniform )?)\w+(?:\[\])?(?= [\w:]+(?: =|\.))", text)], rng)
-    return _replace(text, found, f"{found.group(1) if found else ''}{rng.choice(TYPES)}")
-
-
-def change_prim(text: str, rng: random.Random) -> str:
-    return _replace(text, _choose([*re.finditer(r"(?<=def )\w+", text)], rng), rng.choice(PRIMS))
-
-
-def drop_bracket(text: str, rng: random.Random) -> str:
-    return _replace(text, _choose([*re.finditer(r"[\[\](){}<>\"@]", text)], rng), "")
-
-
-def cut_off(text: str, rng: random.Random) -> str:
-    return text[: rng.randrange(len(text))]
-
-
-MUTATIONS: dict[Callable[[str, random.Random], str], int] = {
-    replace_number: 10,
-    shorten_array: 4,
-    empty_array: 3,
-    change_prim: 3,
-    swap_words: 3,
-    delete_line: 3,
-    change_type: 2,
-    repeat_line: 1,
-    flip_byte: 1,
-    drop_bracket: 1,
-    cut_off: 1,
-}
-"""How often each is taken; those after which nothing can be parsed are rare."""
-
-
-def write_pictures(folder: Path) -> None:
-    """Those that the textures of `RICH` are made of."""
-    for name in ("sky", "paint"):
-        picture = oiio.ImageBuf(oiio.ImageSpec(8, 4, 3, "uint8"))
-        oiio.ImageBufAlgo.fill(picture, (0.5, 0.2, 0.7))
-        picture.write(str(folder / f"{name}.png"))
-
-
-def mutant(seed: int) -> str:
-    """A stage with one to three mistakes."""
+def write_mutant(seed: int, folder: Path) -> Path:
+    """Writes a stage with one to three mistakes; the folder holds what `write_pictures` writes."""
     rng = random.Random(seed)
-    text = rng.choice([RICH, RICH, *(stage_path(name).read_text() for name in stage_names())])
-    for _ in range(rng.choice((1, 1, 2, 3))):
-        (mutation,) = rng.choices([*MUTATIONS], [*MUTATIONS.values()])
-        text = mutation(text, rng)
-    return text
+    (suffix,) = rng.choices([*KINDS], [*KINDS.values()])
+    base = rng.choice(base_stages())
+    mistakes = rng.choice((1, 1, 2, 3)) if suffix == TEXT else rng.choice((0, 0, 1))
+    text = base
+    for _ in range(TRIES):
+        text = base
+        for _ in range(mistakes):
+            text = changed(text, rng)
+        if _parsed(text) or rng.random() < 1 / TRIES:
+            break
+    path = folder / f"{seed}{suffix}"
+    if suffix == TEXT:
+        path.write_text(text, encoding="utf-8")
+        return path
+    layer = folder / f"layer{seed}.usdc"
+    (_parsed(text) or _parsed(base)).Export(str(layer))
+    content = layer.read_bytes()
+    if suffix == PACKAGE:
+        with Sdf.ZipFileWriter.CreateNew(str(path)) as package:
+            package.AddFile(str(layer), "stage.usdc")
+            package.AddFile(str(folder / "sky.png"), "sky.png")
+        content = path.read_bytes()
+    layer.unlink()
+    path.write_bytes(_damaged(content, rng))
+    return path
+
+
+def _parsed(text: str) -> Sdf.Layer | None:
+    """None for what USD cannot parse."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    try:
+        return layer if layer.ImportFromString(text) else None
+    except Tf.ErrorException:
+        return None
+
+
+def _damaged(content: bytes, rng: random.Random) -> bytes:
+    """Bytes changed, blocks of zeros or repeated, or the end cut off."""
+    found = bytearray(content)
+    for _ in range(rng.choice((1, 1, 3, 10))):
+        # Tables are at the end of a binary stage and of a package, names and the version at the start.
+        at = rng.choice(
+            (rng.randrange(len(found)), rng.randrange(min(200, len(found))), len(found) - 1 - rng.randrange(200))
+        )
+        length = min(rng.choice((1, 1, 4, 64)), len(found) - at)
+        kind = rng.choice(("random", "random", "zero", "full", "repeat", "cut"))
+        if kind == "cut" and rng.random() < 0.2:
+            del found[max(at, 300) :]
+        elif kind == "repeat":
+            found[at:at] = found[at : at + length]
+        elif kind in ("zero", "full"):
+            found[at : at + length] = (b"\0" if kind == "zero" else b"\xff") * length
+        else:
+            found[at : at + length] = rng.randbytes(length)
+    return bytes(found)
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a stage: ``rendered``, ``refused``, ``read``, or what must not be.
+    """What became of a stage: ``rendered``, ``refused``, ``read``, ``outside``, or what must not be.
 
     Args:
         kind: one word.
@@ -478,6 +101,11 @@ class Outcome:
 
     kind: str
     text: str = ""
+
+    @property
+    def is_clean(self) -> bool:
+        """True for a picture, a refusal, and where the fault is of outside software that opens a damaged file."""
+        return self.kind in ("rendered", "refused", "read", "outside")
 
 
 class Renderer:
@@ -494,7 +122,7 @@ class Renderer:
         self._process: subprocess.Popen[str] | None = None
 
     def render(self, path: Path) -> Outcome:
-        """Renders 8 by 8 pixels into a file beside the stage."""
+        """Renders 8 by 8 pixels into a file beside the stage, and validates it."""
         if self._process is None:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "tests.usd.fuzz_process", str(self._companion)],
@@ -510,12 +138,16 @@ class Renderer:
         process.stdin.write(f"{path}\n")
         process.stdin.flush()
         answer = process.stdout.readline()
-        hung = not timer.is_alive()
         timer.cancel()
         if answer:
-            return Outcome(**json.loads(answer))
-        self.close()
-        return Outcome("hung" if hung else "crashed", f"exit code {process.returncode}")
+            outcome = Outcome(**json.loads(answer))
+        else:
+            code = process.wait()
+            self.close()
+            outcome = Outcome("hung" if code in (-signal.SIGKILL, -signal.SIGPROF) else "crashed", f"exit code {code}")
+        if outcome.is_clean or path.suffix == TEXT or is_opened_by_usd(path):
+            return outcome
+        return Outcome("outside", outcome.kind)
 
     def close(self) -> None:
         """Ends the process."""
@@ -523,3 +155,29 @@ class Renderer:
             self._process.kill()
             self._process.wait()
             self._process = None
+
+
+WALK = """
+import resource, sys
+from pxr import Tf, Usd
+seconds, size = int(sys.argv[2]), int(sys.argv[3])
+resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+resource.setrlimit(resource.RLIMIT_AS, (2 * size, 2 * size))
+try:
+    stage = Usd.Stage.Open(sys.argv[1])
+    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
+        for attribute in prim.GetAttributes():
+            attribute.Get(Usd.TimeCode.EarliestTime())
+except Tf.ErrorException:
+    pass
+sys.exit(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss > size)
+"""
+
+
+def is_opened_by_usd(path: Path) -> bool:
+    """True where USD alone reads all of a file, or refuses it, within the bounds that hold for us."""
+    command = [sys.executable, "-c", WALK, str(path), str(CPU_LIMIT), str(MEMORY_LIMIT)]
+    try:
+        return subprocess.run(command, capture_output=True, timeout=TIME_LIMIT, check=False).returncode == 0
+    except subprocess.TimeoutExpired:
+        return False

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Usd, UsdGeom, UsdShade, UsdUtils
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import Medium
@@ -183,11 +183,13 @@ def test_interchange_is_valid(tmp_path: Path) -> None:
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
     material = UsdShade.Material.Define(stage, "/World/Look")
     ball = UsdGeom.Sphere.Define(stage, "/World/Ball").GetPrim()
+    UsdGeom.Camera.Define(stage, "/World/Camera").AddTranslateOp().Set((0, 0, 9))
+    UsdLux.DomeLight.Define(stage, "/World/Sky")
     UsdShade.MaterialBindingAPI.Apply(ball).Bind(material)
     author_fgf_medium(material, mean_extinction=1)
     author_interchange(material)
     stage.Save()
-    assert validate_stage(tmp_path / "stage.usda") == ()
+    assert validate_stage(tmp_path / "stage.usda").findings == ()
 
 
 def test_interchange_needs_a_medium(stage: Usd.Stage) -> None:

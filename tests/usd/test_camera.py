@@ -152,9 +152,9 @@ def test_exposure_is_that_of_usd(read) -> None:
         ("double shutter:open = 1\ndouble shutter:close = 0", "shutter:close = 0; accepted: >= shutter:open = 1"),
     ],
 )
-def test_bad_cameras_are_refused(read, body: str, message: str) -> None:
+def test_bad_cameras_are_refused_strictly(read, body: str, message: str) -> None:
     with pytest.raises(SceneError, match=r"stage.usda: .*" + message):
-        read(film(body), camera="")
+        read(film(body), camera="", strict=True)
 
 
 def test_a_lens_that_is_focused_nowhere_is_a_pinhole_by_name(read) -> None:

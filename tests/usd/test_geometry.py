@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
@@ -99,8 +101,13 @@ def test_the_canonical_cylinders_axis_becomes_the_named_one(read, axis: str, col
 @pytest.mark.parametrize("attribute", ["radius", "height"])
 @pytest.mark.parametrize("value", ["0", "-1", "inf", "nan"])
 def test_lengths_must_be_positive(read, attribute: str, value: str) -> None:
+    prim = f'def Cylinder "S"\n{{\n double {attribute} = {value}\n}}'
     with pytest.raises(SceneError, match=rf"stage.usda: /S.{attribute} = .*; accepted: > 0"):
-        read(f'def Cylinder "S"\n{{\n double {attribute} = {value}\n}}')
+        read(prim, strict=True)
+    assert read(prim).scene.shapes == ()
+    assert any(
+        re.fullmatch(rf"= .*; accepted: > 0; the shape is left out: /S.{attribute}", w) for w in read(prim).warnings
+    )
 
 
 def test_what_is_not_rendered_is_named(read) -> None:

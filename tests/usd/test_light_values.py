@@ -138,8 +138,8 @@ def test_a_light_without_area_or_power_is_left_out(read, kind: str, body: str, n
     reading = read(lamp(kind, body) + PLANE)
     assert [light.name for light in reading.scene.lights] == ["/Dome"]
     (text,) = (text for text in reading.warnings if "treatAs" not in text)
-    assert text.startswith(f"{name} = 0, where the light has no area and so no power; accepted: > 0, or 0 with")
-    assert text.endswith("the light is left out: /Lamp")
+    assert text.startswith("= 0, where the light has no area and so no power; accepted: > 0, or 0 with")
+    assert text.endswith(f"the light is left out: /Lamp.{name}")
     with pytest.raises(SceneError, match=rf"/Lamp\.{name} = 0"):
         read(lamp(kind, body), strict=True)
 

@@ -234,9 +234,14 @@ class TestSubsets:
         assert [shape.name for shape in reading.scene.shapes] == ["/M/A"]
         assert "faces that an earlier GeomSubset holds too keep the material of that: /M/B" in reading.warnings
 
-    def test_faces_that_are_not_there_are_refused(self, read) -> None:
-        with pytest.raises(SceneError, match=r"/M/A.indices spans \[2, 2\]; accepted: \[0, 1\]"):
-            read(two_quads(subset("A", "[2]", "Red")) + self.LOOKS)
+    def test_faces_that_are_not_there_are_left_out(self, read) -> None:
+        prims = two_quads(subset("A", "[-1, 1, 2]", "Red")) + self.LOOKS
+        with pytest.raises(SceneError, match=r"/M/A.indices spans \[-1, 2\]; accepted: \[0, 1\]"):
+            read(prims, strict=True)
+        reading = read(prims)
+        text = "spans [-1, 2]; accepted: [0, 1], as there are 2 faces; 2 of 3 entries are left out: /M/A.indices"
+        assert text in reading.warnings
+        assert [(shape.name, len(shape.triangles)) for shape in reading.scene.shapes] == [("/M/A", 2), ("/M", 2)]
 
     def test_of_points_bind_nothing(self, read) -> None:
         reading = read(two_quads(subset("A", "[0]", "Red", element="point")) + self.LOOKS)

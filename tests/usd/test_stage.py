@@ -138,13 +138,17 @@ def test_stages_can_be_kept_open_between_frames(tmp_path: Path) -> None:
 def test_meters_per_unit_is_recorded_and_checked(read) -> None:
     assert read("").scene.meters_per_unit == 1
     assert read("", header="#usda 1.0\n").scene.meters_per_unit == 0.01
-    with pytest.raises(SceneError, match="metersPerUnit = 0; accepted: > 0"):
-        read("", header=HEADER.replace("metersPerUnit = 1", "metersPerUnit = 0"))
+    nothing = HEADER.replace("metersPerUnit = 1", "metersPerUnit = 0")
+    reading = read("", header=nothing)
+    assert "metersPerUnit = 0; accepted: > 0; 0.01 is used: /" in reading.warnings
+    assert reading.scene.meters_per_unit == 0.01
+    with pytest.raises(SceneError, match=r"/: metersPerUnit = 0; accepted: > 0$"):
+        read("", header=nothing, strict=True)
 
 
 def test_up_axes_that_are_none_are_told(read) -> None:
     reading = read("", camera="", header=HEADER.replace('"Y"', '"X"'))
-    assert "upAxis = X is not supported; accepted: Y, Z; Y is taken" in reading.warnings
+    assert "upAxis = X; accepted: Y, Z; Y is used: /" in reading.warnings
     assert reading.scene.camera.camera_to_world[1, 1] > 0.9
 
 
@@ -191,7 +195,7 @@ def test_a_stage_is_the_same_in_every_format(read, tmp_path: Path, name: str) ->
             "both.usda",  # the circle is named first, as it may be the cause of the rest
             '#usda 1.0\ndef "A" (\n references = @away.usda@\n)\n{\n}\ndef "B" (\n references = </C>\n)\n{\n}\n'
             'def "C" (\n references = </B>\n)\n{\n}\n',
-            r"both.usda: /[BC]: Cycle detected.* \(and \d more such errors\)",
+            "both.usda: /[BC]: Cycle detected",
         ),
         (
             "layer.usda",
@@ -212,7 +216,7 @@ def test_unreadable_files_say_so_in_one_line(
     if text is not None:
         path.write_text(text)
     with pytest.raises(SceneError, match=message) as caught:
-        read_scene(path)
+        read_scene(path, strict=True)
     assert name in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
     assert capfd.readouterr() == ("", "")
@@ -236,9 +240,11 @@ MISTYPED = [
 
 
 @pytest.mark.parametrize(("kind", "attribute", "message"), MISTYPED)
-def test_values_of_the_wrong_type_are_refused_by_name(read, kind: str, attribute: str, message: str) -> None:
+def test_values_of_the_wrong_type_are_refused_by_name_strictly(read, kind: str, attribute: str, message: str) -> None:
+    prim = f'def {kind} "P"\n{{\n{attribute}\n}}\n'
     with pytest.raises(SceneError, match="stage.usda: " + message):
-        read(f'def {kind} "P"\n{{\n{attribute}\n}}\n', camera="", strict=True)
+        read(prim, camera="", strict=True)
+    assert any("; " in warning and "/P" in warning for warning in read(prim, camera="").warnings)
 
 
 def test_a_folder_is_no_stage(tmp_path: Path) -> None:
@@ -256,7 +262,7 @@ def test_an_open_stage_is_read_under_its_layers_name() -> None:
     stage = Usd.Stage.CreateInMemory("mine.usda")
     UsdGeom.Sphere.Define(stage, "/S").CreateRadiusAttr(-1)
     with pytest.raises(SceneError, match=r"mine.usda: /S.radius = -1; accepted: > 0"):
-        read_stage(stage)
+        read_stage(stage, strict=True)
 
 
 # Stages that come with the package, and those of others
@@ -315,7 +321,7 @@ def test_a_reference_to_a_file_that_this_usd_cannot_read_is_left_out(read, tmp_p
     prim = 'def Xform "Looks" (\n    references = @../looks.mtlx@\n)\n{\n}\n'
     (tmp_path / "looks.mtlx").write_text("<materialx/>")
     warnings = [warning for warning in read(prim).warnings if "looks.mtlx" in warning]
-    assert warnings == ["this USD cannot read looks.mtlx, and what it refers to is left out: /Looks"]
+    assert warnings == ["this USD cannot read looks.mtlx; what it refers to is left out: /Looks"]
     with pytest.raises(SceneError, match="/Looks: this USD cannot read"):
         read(prim, strict=True)
 

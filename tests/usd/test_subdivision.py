@@ -310,9 +310,12 @@ QUAD = """def Mesh "M"
         ("int[] cornerIndices = [9]\nfloat[] cornerSharpnesses = [1]", r"cornerIndices spans \[9, 9\]"),
     ],
 )
-def test_creases_that_do_not_fit_are_refused(read, lines: str, message: str) -> None:
+def test_creases_that_do_not_fit_are_left_out(read, lines: str, message: str) -> None:
     with pytest.raises(SceneError, match=rf"/M\..*{message}|/M\.{message}"):
-        read(QUAD + lines + "\n}")
+        read(QUAD + lines + "\n}", strict=True)
+    mended, smooth = read(QUAD + lines + "\n}"), read(QUAD + "}")
+    np.testing.assert_array_equal(mended.scene.shapes[0].points, smooth.scene.shapes[0].points)
+    assert len(mended.warnings) == len(smooth.warnings) + 1
 
 
 def test_loop_of_quads_is_named(read) -> None:
@@ -334,7 +337,7 @@ def test_authored_normals_of_subdivision_surfaces_are_not_used(read) -> None:
 
 def test_creases_along_no_edge_are_named(read) -> None:
     lines = "int[] creaseIndices = [0, 2]\nint[] creaseLengths = [2]\nfloat[] creaseSharpnesses = [1]\n}"
-    assert "creases along no edge of the mesh are left out: /M" in read(QUAD + lines).warnings
+    assert "creases along no edge of the mesh; they are left out: /M" in read(QUAD + lines).warnings
 
 
 def test_levels_are_lowered_where_there_would_be_too_many_triangles(read, monkeypatch) -> None:
@@ -347,6 +350,8 @@ def test_levels_are_lowered_where_there_would_be_too_many_triangles(read, monkey
 @pytest.mark.parametrize(
     "name", ["subdivisionScheme", "interpolateBoundary", "faceVaryingLinearInterpolation", "triangleSubdivisionRule"]
 )
-def test_unknown_rules_are_refused(read, name: str) -> None:
+def test_unknown_rules_are_usds_own(read, name: str) -> None:
+    prim = QUAD + f'token {name} = "wavy"\n}}'
     with pytest.raises(SceneError, match=rf"/M\.{name} = wavy; accepted: "):
-        read(QUAD + f'token {name} = "wavy"\n}}')
+        read(prim, strict=True)
+    np.testing.assert_array_equal(read(prim).scene.shapes[0].points, read(QUAD + "}").scene.shapes[0].points)

@@ -2,10 +2,10 @@
 
 from usd_scenes.reader.camera import look_at
 from usd_scenes.reader.edits import EditError, Edits
+from usd_scenes.reader.frames import Frame, kind_of, name_of
 from usd_scenes.reader.settings import Product
 from usd_scenes.reader.stage import (
     COMPLEXITIES,
-    Frame,
     OpenStages,
     StageReading,
     StageSurvey,
@@ -24,7 +24,9 @@ __all__ = [
     "Product",
     "StageReading",
     "StageSurvey",
+    "kind_of",
     "look_at",
+    "name_of",
     "read_products",
     "read_scene",
     "read_stage",

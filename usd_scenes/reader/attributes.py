@@ -18,6 +18,8 @@ from fgf_warp.errors import SceneError
 from fgf_warp.scene import Rgb
 from usd_scenes.reader.context import StageContext
 
+NUMBERS = "iuf"
+"""NumPy's kinds of integers and floats."""
 SINGLE_PRECISION = {Sdf.ValueTypeNames.Float, Sdf.ValueTypeNames.Half}
 
 
@@ -281,15 +283,19 @@ def read_array(attribute: Usd.Attribute, time: Usd.TimeCode, dtype: type, width:
         SceneError: for a value that is no such array, or numbers that are not finite.
     """
     value = attribute.Get(time)
-    try:
-        array: np.ndarray = np.array([] if value is None else value, dtype=dtype)
-        array = array.reshape(-1, width) if width > 1 else array.reshape(len(array))
-    except (TypeError, ValueError):
+    array: np.ndarray = np.empty(0) if value is None else np.asarray(value)
+    if not array.size and array.ndim:
+        array = np.empty((0, width) if width > 1 else 0)
+    if array.dtype.kind not in NUMBERS or array.shape[1:] != ((width,) if width > 1 else ()) or not array.ndim:
         kind = "numbers" if width == 1 else f"entries of {width} numbers"
-        raise SceneError(f"{attribute.GetPath()} is no array; accepted: an array of {kind}") from None
+        raise SceneError(f"{attribute.GetPath()} is no array; accepted: an array of {kind}")
     if not np.isfinite(array).all():
         raise SceneError(f"{attribute.GetPath()} holds numbers that are not finite; accepted: finite numbers")
-    return array
+    if np.issubdtype(dtype, np.integer) and array.dtype.kind == "f":
+        is_whole = (array == np.trunc(array)) & (np.abs(array) <= np.iinfo(dtype).max // 2)
+        if not is_whole.all():
+            raise SceneError(f"{attribute.GetPath()} holds {array[~is_whole][0]:g}; accepted: integers")
+    return array.astype(dtype)
 
 
 def read_token(attribute: Usd.Attribute, time: Usd.TimeCode, accepted: tuple[str, ...]) -> str | None:

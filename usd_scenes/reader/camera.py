@@ -3,19 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from pxr import Usd, UsdGeom
 
 from fgf_warp.errors import SceneError
-from fgf_warp.scene import FLOAT32_MAX, PROJECTIONS, Camera, Shape
-from usd_scenes.reader.attributes import is_authored, read_array, read_number, read_token
+from fgf_warp.scene import FLOAT32_MAX, PROJECTIONS, Camera, Shape, unit_axes
+from usd_scenes.reader.attributes import (
+    FINITE,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Range,
+    is_authored,
+    read_array,
+    read_mended,
+    read_mended_token,
+)
 from usd_scenes.reader.bounds import scene_bounds
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.settings import Product
 
+FOCAL_LENGTH = 50.0
+APERTURES = (20.955, 15.2908)
+"""USD's fallbacks."""
+SCALE_ROUNDING = 1e-6
+"""By so much less than float32 can tell a scale may differ from 1."""
 DEFAULT_CAMERA = "default camera"
 DEFAULT_ELEVATION = math.radians(15)
 """Of the default view above the horizon."""
@@ -49,12 +64,12 @@ def read_shutter(prim: Usd.Prim, context: StageContext) -> tuple[Usd.TimeCode, U
     no start, the shutter is left shut, with a warning.
 
     Raises:
-        SceneError: for a shutter that closes before it opens.
+        SceneError: for a shutter that closes before it opens, where the stage is read strictly.
     """
     camera, time = UsdGeom.Camera(prim), context.time
-    opening = read_number(camera.GetShutterOpenAttr(), time)
+    opening = read_mended(camera.GetShutterOpenAttr(), context, FINITE, 0.0)
     attribute = camera.GetShutterCloseAttr()
-    closing = read_number(attribute, time, accepted=f">= shutter:open = {opening:g}", holds=lambda x: x >= opening)
+    closing = read_mended(attribute, context, Range(f">= shutter:open = {opening:g}", opening), opening)
     if opening == closing:
         return None
     if time.IsDefault() or time.IsEarliestTime():
@@ -64,34 +79,53 @@ def read_shutter(prim: Usd.Prim, context: StageContext) -> tuple[Usd.TimeCode, U
 
 
 def read_camera(prim: Usd.Prim, context: StageContext) -> Camera:
-    """A camera.
+    """A camera, whose lengths are those of its own space: what is above it may scale them.
 
     Its clipping range is in force where it is authored: USD's fallback begins at one stage unit from the camera,
-    which would cut what a scene in metres has in front.
+    which would cut what a scene in metres has in front. What is out of its range is mended, with a warning.
 
     Raises:
-        SceneError: for a film or lens without extent, a lens that is focused at no distance, or a range without extent.
+        SceneError: for a transform that cannot be undone, or a film that is too wide for its lens.
     """
     camera = UsdGeom.Camera(prim)
-    time = context.time
-    projection = read_token(camera.GetProjectionAttr(), time, PROJECTIONS)
+    projection = read_mended_token(camera.GetProjectionAttr(), context, PROJECTIONS, "perspective")
     f_stop, focus_distance = _focus(camera, context, has_lens=projection != "orthographic")
     _note_what_is_not_read(camera, context)
-    return Camera(
-        name=str(prim.GetPath()),
-        camera_to_world=context.local_to_world(prim),
-        focal_length=_positive(camera.GetFocalLengthAttr(), time),
-        horizontal_aperture=_positive(camera.GetHorizontalApertureAttr(), time),
-        vertical_aperture=_positive(camera.GetVerticalApertureAttr(), time),
-        horizontal_offset=read_number(camera.GetHorizontalApertureOffsetAttr(), time),
-        vertical_offset=read_number(camera.GetVerticalApertureOffsetAttr(), time),
-        projection="orthographic" if projection == "orthographic" else "perspective",
-        f_stop=f_stop,
-        focus_distance=focus_distance,
-        clipping_range=_clipping_range(camera.GetClippingRangeAttr(), time),
-        exposure_scale=_exposure_scale(camera, time),
-        closing=context.closing_to_world(prim),
+    return _in_the_world(
+        Camera(
+            name=str(prim.GetPath()),
+            camera_to_world=context.local_to_world(prim),
+            focal_length=read_mended(camera.GetFocalLengthAttr(), context, POSITIVE, FOCAL_LENGTH),
+            horizontal_aperture=read_mended(camera.GetHorizontalApertureAttr(), context, POSITIVE, APERTURES[0]),
+            vertical_aperture=read_mended(camera.GetVerticalApertureAttr(), context, POSITIVE, APERTURES[1]),
+            horizontal_offset=read_mended(camera.GetHorizontalApertureOffsetAttr(), context, FINITE, 0.0),
+            vertical_offset=read_mended(camera.GetVerticalApertureOffsetAttr(), context, FINITE, 0.0),
+            projection="orthographic" if projection == "orthographic" else "perspective",
+            f_stop=f_stop,
+            focus_distance=focus_distance,
+            clipping_range=_clipping_range(camera.GetClippingRangeAttr(), context),
+            exposure_scale=_exposure_scale(camera, context),
+            closing=context.closing_to_world(prim),
+        ),
+        context,
     )
+
+
+def note_clipped(camera: Camera, shapes: Sequence[Shape], context: StageContext) -> None:
+    """Warns where nothing of what is before the camera is within its clipping range."""
+    near, far = camera.clipping_range
+    if not shapes or (near, far) == (0.0, math.inf):
+        return
+    low, high = scene_bounds(shapes)
+    corners = np.array(list(product(*zip(low, high, strict=True))))
+    depths = (corners - camera.position) @ -unit_axes(camera.camera_to_world)[:, 2]
+    nearest, farthest = max(float(depths.min()), 0.0), float(depths.max())
+    if farthest > 0 and (near >= farthest or far <= nearest):
+        text = (
+            f"clippingRange cuts all that there is: in the world's units it is ({near:g}, {far:g}), and what is before "
+            f"the camera is at ({nearest:g}, {farthest:g})"
+        )
+        context.notes.add(text, camera.name)
 
 
 def as_asked(camera: Camera, product: Product) -> Camera:
@@ -100,7 +134,7 @@ def as_asked(camera: Camera, product: Product) -> Camera:
         camera,
         f_stop=camera.f_stop if product.has_depth_of_field else 0.0,
         conform_policy=product.conform_policy,
-        pixel_aspect_ratio=product.pixel_aspect_ratio,
+        pixel_aspect_ratio=camera.pixel_aspect_ratio * product.pixel_aspect_ratio,
     )
 
 
@@ -144,41 +178,78 @@ def _all_prims(stage: Usd.Stage) -> Iterable[Usd.Prim]:
     return Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())
 
 
-def _positive(attribute: Usd.Attribute, time: Usd.TimeCode) -> float:
-    return read_number(attribute, time, accepted="> 0", holds=lambda x: x > 0)
+def _in_the_world(camera: Camera, context: StageContext) -> Camera:
+    """A camera with its lengths in the world's units.
+
+    A picture is what the inverse of the camera's whole transform makes of the world, as in Hydra. So a scale of what is
+    above the camera scales its clipping range, its focus, its lens and what an orthographic one sees; an uneven one
+    stretches the picture too, and with it the pixels.
+    """
+    across, up, along = (_scale(length) for length in np.linalg.norm(camera.camera_to_world[:3, :3], axis=0))
+    # Of a pinhole only the shape of its film matters.
+    film = along if camera.has_lens or camera.projection == "orthographic" else 1.0
+    wide, high = film * _scale(across / along), film * _scale(up / along)
+    if camera.has_lens and not wide == high == film:
+        context.notes.add("the scale of a camera with a lens is not uniform: the lens stays round", camera.name)
+    near, far = camera.clipping_range
+    return replace(
+        camera,
+        focal_length=film * camera.focal_length,
+        horizontal_aperture=wide * camera.horizontal_aperture,
+        vertical_aperture=high * camera.vertical_aperture,
+        horizontal_offset=wide * camera.horizontal_offset,
+        vertical_offset=high * camera.vertical_offset,
+        focus_distance=along * camera.focus_distance,
+        clipping_range=(along * near, along * far),
+        pixel_aspect_ratio=wide / high,
+    )
+
+
+def _scale(length: float) -> float:
+    """1 for what differs from it by rounding alone."""
+    return 1.0 if abs(length - 1) < SCALE_ROUNDING else float(length)
 
 
 def _focus(camera: UsdGeom.Camera, context: StageContext, *, has_lens: bool) -> tuple[float, float]:
     """f-stop, 0 for a pinhole, and the distance of what is sharp."""
-    f_stop = read_number(camera.GetFStopAttr(), context.time, accepted=">= 0", holds=lambda x: x >= 0)
-    distance = camera.GetFocusDistanceAttr()
-    if has_lens and f_stop > 0:
-        if is_authored(distance):
-            accepted = f"> 0 with fStop = {f_stop:g}; a pinhole has fStop = 0"
-            return f_stop, read_number(distance, context.time, accepted=accepted, holds=lambda x: x > 0)
+    f_stop = read_mended(camera.GetFStopAttr(), context, NOT_NEGATIVE, 0.0)
+    attribute = camera.GetFocusDistanceAttr()
+    distance = read_mended(attribute, context, NOT_NEGATIVE, 0.0)
+    if not has_lens or f_stop == 0:
+        return 0.0, distance
+    if not is_authored(attribute):
         context.notes.add("fStop without a focusDistance is not used: the camera is a pinhole", camera.GetPath())
-    return 0.0, read_number(distance, context.time, accepted=">= 0", holds=lambda x: x >= 0)
+    elif distance == 0:
+        accepted = f"> 0 with fStop = {f_stop:g}; a pinhole has fStop = 0"
+        context.mend(f"= 0; accepted: {accepted}; the camera is a pinhole", attribute.GetPath())
+    else:
+        return f_stop, distance
+    return 0.0, distance
 
 
-def _clipping_range(attribute: Usd.Attribute, time: Usd.TimeCode) -> tuple[float, float]:
+def _clipping_range(attribute: Usd.Attribute, context: StageContext) -> tuple[float, float]:
     if not is_authored(attribute):
         return 0.0, math.inf
-    limits = read_array(attribute, time, np.float64)
-    if len(limits) != 2 or not 0 <= limits[0] < limits[1]:
-        shown = ", ".join(f"{limit:g}" for limit in limits)
-        raise SceneError(f"{attribute.GetPath()} = ({shown}); accepted: two numbers, 0 <= near < far")
-    return float(limits[0]), float(limits[1])
+    with context.leaving_out(attribute.GetPath(), "it is left out"):
+        limits = read_array(attribute, context.time, np.float64)
+        if len(limits) != 2 or not 0 <= limits[0] < limits[1]:
+            shown = ", ".join(f"{limit:g}" for limit in limits)
+            raise SceneError(f"{attribute.GetPath()} = ({shown}); accepted: two numbers, 0 <= near < far")
+        return float(limits[0]), float(limits[1])
+    return 0.0, math.inf
 
 
-def _exposure_scale(camera: UsdGeom.Camera, time: Usd.TimeCode) -> float:
+def _exposure_scale(camera: UsdGeom.Camera, context: StageContext) -> float:
     """What UsdGeom.Camera's exposure, time, iso, fStop and responsivity come to."""
-    scale = float(camera.ComputeLinearExposureScale(time))
-    if not 0 < scale <= FLOAT32_MAX:
-        raise SceneError(
-            f"{camera.GetPath()}: exposure, exposure:time, exposure:iso, exposure:fStop and exposure:responsivity come "
-            f"to a scale of {scale:g}; accepted: finite and > 0"
-        )
-    return scale
+    scale = float(camera.ComputeLinearExposureScale(context.time))
+    if 0 < scale <= FLOAT32_MAX:
+        return scale
+    text = (
+        "exposure, exposure:time, exposure:iso, exposure:fStop and exposure:responsivity come to a scale of "
+        f"{scale:g}; accepted: finite and > 0; 1 is used"
+    )
+    context.mend(text, camera.GetPath())
+    return 1.0
 
 
 def _note_what_is_not_read(camera: UsdGeom.Camera, context: StageContext) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 
@@ -52,9 +53,11 @@ class StageContext:
         """See `Policy.mend`."""
         self.policy.mend(text, path)
 
-    def leaving_out(self, path: object, done: str) -> AbstractContextManager[None]:
+    def leaving_out(
+        self, path: object, done: str, bounds_medium: Callable[[], bool] = lambda: False
+    ) -> AbstractContextManager[None]:
         """See `Policy.leaving_out`."""
-        return self.policy.leaving_out(path, done)
+        return self.policy.leaving_out(path, done, bounds_medium)
 
     def going_on(self) -> AbstractContextManager[None]:
         """See `Policy.going_on`."""
@@ -108,5 +111,6 @@ class StageContext:
 
     @property
     def up_axis(self) -> str:
-        """``Y`` or ``Z``."""
-        return "Z" if UsdGeom.GetStageUpAxis(self.stage) == UsdGeom.Tokens.z else "Y"
+        """``Y`` or ``Z``; Y where the stage says neither."""
+        axis = str(self.stage.GetMetadata("upAxis")).upper()
+        return "Z" if axis == "Z" else "Y"

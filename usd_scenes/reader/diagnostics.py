@@ -18,6 +18,9 @@ STAGE_ADDRESS = re.compile(r"\s*\([^()]* on stage @.*$", re.DOTALL)
 PARSER_RULE = re.compile(r"parse error matching .* at (?=')")
 """USD may name the C++ type of the grammar rule that failed."""
 UNKNOWN_FORMAT = re.compile(r"asset @(?P<asset>[^@]*)@ .* -- Cannot determine file format")
+IN_PRIM = re.compile(r"^In <[^>]*>: ")
+"""What USD puts before an error of a prim where it warns of it."""
+MISSING = (Pcp.ErrorType_InvalidAssetPath, Pcp.ErrorType_InvalidSublayerPath, Pcp.ErrorType_UnresolvedPrimPath)
 CYCLES = (Pcp.ErrorType_ArcCycle, Pcp.ErrorType_SublayerCycle)
 
 
@@ -64,36 +67,40 @@ def open_stage(path: Path) -> Usd.Stage:
         raise
 
 
-def refuse_composition_errors(context: StageContext) -> None:
-    """Refuses a stage of which a reference, payload or layer is missing or goes round in a circle.
-
-    A reference to a file that this USD has no reader for, such as one of MaterialX, is left out with a warning.
+def leave_out_what_is_missing(context: StageContext) -> None:
+    """Tells what the stage is composed without: references, payloads and layers that are missing or go in circles.
 
     Raises:
-        SceneError: naming the prim and the asset of the first such error.
+        SceneError: naming the prim and the asset of the first such error, where the stage is read strictly.
     """
-    errors = []
-    for error in context.stage.GetCompositionErrors():
-        if unknown := UNKNOWN_FORMAT.search(_on_one_line(str(error))):
-            name = Path(unknown["asset"]).name
-            context.mend(f"this USD cannot read {name}, and what it refers to is left out", error.rootSite.path)
-        else:
-            errors.append(error)
-    if not errors:
-        return
     # A circle is the cause of much else that USD then reports.
-    first = min(errors, key=lambda error: (error.errorType not in CYCLES, str(error.rootSite.path), str(error)))
-    text = _on_one_line(str(first)).removesuffix("; skipping.")
-    more = f" (and {len(errors) - 1} more such errors)" if len(errors) > 1 else ""
-    raise SceneError(f"{first.rootSite.path}: {text}{more}")
+    errors = sorted(
+        context.stage.GetCompositionErrors(),
+        key=lambda error: (error.errorType not in CYCLES, str(error.rootSite.path), str(error)),
+    )
+    for error in errors:
+        context.mend(_found_and_done(error, context.stage), error.rootSite.path)
 
 
-def note_warnings(trap: Tf.DiagnosticTrap, notes: Notes) -> None:
-    """Hands on what USD warned of."""
+def note_warnings(trap: Tf.DiagnosticTrap, notes: Notes, stage: Usd.Stage) -> None:
+    """Hands on what USD warned of, but for what `leave_out_what_is_missing` has told."""
+    told = {_on_one_line(str(error)) for error in stage.GetCompositionErrors()}
     for warning in trap.GetWarnings():
         text = _on_one_line(STAGE_ADDRESS.sub("", warning.commentary))
-        if not UNKNOWN_FORMAT.search(text):  # Of these `refuse_composition_errors` has told.
+        if IN_PRIM.sub("", text) not in told:
             notes.add(f"USD: {text}")
+
+
+def _found_and_done(error: Pcp.ErrorBase, stage: Usd.Stage) -> str:
+    text = _on_one_line(str(error))
+    if unknown := UNKNOWN_FORMAT.search(text):
+        return f"this USD cannot read {Path(unknown['asset']).name}; what it refers to is left out"
+    if error.errorType in CYCLES:
+        return f"{text.rstrip('. ')}; what closes the circle is left out"
+    # The warning names the prim, and the file is the stage's own.
+    text = text.replace(f" introduced by @{stage.GetRootLayer().identifier}@<{error.rootSite.path}>", "")
+    done = "it is left out" if error.errorType in MISSING else "what is wrong is left out"
+    return f"{text.removesuffix('; skipping.').rstrip('. ')}; {done}"
 
 
 def _named(source: str, text: str) -> str:

@@ -72,6 +72,16 @@ class ImageFiles:
         return found
 
 
+def is_picture(path: str) -> bool:
+    """Whether a file on disk begins as a picture does; whether all of it can be read is not known."""
+    reader = oiio.ImageInput.open(path)
+    if reader is None:
+        oiio.geterror()  # else it would be told with the next one
+        return False
+    reader.close()
+    return True
+
+
 def _read(path: str, color_space: ColorSpace) -> ImageFile:
     # What is no plain file, such as a pipe, may keep whoever opens it waiting for ever.
     outer, _ = Ar.SplitPackageRelativePathOuter(path)

@@ -115,9 +115,14 @@ def _shown(instancer: UsdGeom.PointInstancer, count: int, context: StageContext)
 
 def _transforms(instancer: UsdGeom.PointInstancer, count: int, context: StageContext) -> Matrices:
     """From the prototypes' roots to the instancer."""
+    times, base = context.shutter_times, context.time
+    if base.IsEarliestTime() and (samples := instancer.GetPositionsAttr().GetTimeSamples()):
+        # USD takes this time for minus infinity where it computes how far velocities reach.
+        base = Usd.TimeCode(samples[0])
+        times = base, base
     found = instancer.ComputeInstanceTransformsAtTimes(
-        context.shutter_times,
-        context.time,
+        times,
+        base,
         UsdGeom.PointInstancer.IncludeProtoXform,
         UsdGeom.PointInstancer.IgnoreMask,
     )

@@ -75,6 +75,12 @@ class MaterialReader:
             return Look(surface=None, medium=reading.medium)
         return Look(surface=reading.surface or self._display_surface(prim), medium=reading.medium)
 
+    def bounds_medium(self, prim: Usd.Prim) -> bool:
+        """True where a medium is bound to a prim or to a GeomSubset of it, whether or not either can be read."""
+        parts = [prim, *(subset.GetPrim() for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets())]
+        bound = (self._bound_material(part) for part in parts)
+        return any(has_medium(material.GetPrim(), self._context) for material in bound if material)
+
     def _display_surface(self, prim: Usd.Prim) -> Surface:
         # Instances whose display color and opacity are the same attributes have them read once.
         key = display_sources(prim)

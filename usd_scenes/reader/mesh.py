@@ -9,9 +9,10 @@ from functools import cached_property
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
 
-from fgf_warp.errors import OpenMeshError, SceneError
+from fgf_warp.errors import OpenMeshError
 from fgf_warp.scene import DOUBLED_FACES, NO_VOLUME, Mesh, lets_light_through
-from usd_scenes.reader.attributes import read_array
+from usd_scenes.reader.attributes import read_array, read_mended_token
+from usd_scenes.reader.cage import read_cage, read_places, read_points
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.materials import Look
 from usd_scenes.reader.primvars import (
@@ -30,6 +31,7 @@ from usd_scenes.reader.triangulation import cut_faces, signed_volume
 
 NO_FACES = Polygons(0, np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
 """What only constant primvars fit."""
+ORIENTATIONS = ("rightHanded", "leftHanded")
 
 
 class Form:
@@ -109,29 +111,25 @@ class MeshForm(Form):
 
     def __init__(self, prim: Usd.Prim, context: StageContext) -> None:
         mesh = UsdGeom.Mesh(prim)
-        points = read_array(mesh.GetPointsAttr(), context.time, np.float64, width=3)
-        _note_deformation(mesh, context)
+        points = read_points(mesh, context)
         self._prim = prim
-        self._cage = _topology(mesh, context, len(points))
-        self._refinement = read_refinement(mesh, self._cage, context)
-        self._polygons = self._cage
-        cage_faces = None
+        self._cage = read_cage(mesh, len(points), context)
+        self._polygons = self._cage.polygons
+        self._refinement = read_refinement(mesh, self._polygons, context)
+        is_drawn, cage_faces = self._cage.is_drawn, None
         if self._refinement:
             points = self._refinement.smooth(points)
             self._polygons = self._refinement.polygons
             cage_faces = self._refinement.cage_faces
+            is_drawn = is_drawn & self._refinement.drawn
         corners = cut_faces(points, self._polygons.counts, self._polygons.indices)
         faces = self._polygons.face_of_corner[corners[:, 0]]
         self._cage_faces = faces if cage_faces is None else cage_faces[faces]
-        holes = _holes(mesh, context, len(self._cage.counts))
-        if len(holes):
-            drawn = np.ones(len(self._cage.counts), dtype=bool)
-            drawn[holes] = False
-            corners, self._cage_faces = corners[drawn[self._cage_faces]], self._cage_faces[drawn[self._cage_faces]]
-        if self._refinement and not self._refinement.drawn.all():
-            drawn = self._refinement.drawn[self._cage_faces]
-            corners, self._cage_faces = corners[drawn], self._cage_faces[drawn]
-        if mesh.GetOrientationAttr().Get(context.time) == UsdGeom.Tokens.leftHanded:
+        if not is_drawn.all():
+            shown = is_drawn[self._cage_faces]
+            corners, self._cage_faces = corners[shown], self._cage_faces[shown]
+        orientation = read_mended_token(mesh.GetOrientationAttr(), context, ORIENTATIONS, "rightHanded")
+        if orientation == UsdGeom.Tokens.leftHanded:
             corners = corners[:, ::-1]
         self._corners = corners
         super().__init__(points, self._polygons.indices[corners].astype(np.int32), None, context)
@@ -156,7 +154,7 @@ class MeshForm(Form):
         path = str(prim.GetPath())
         if not subsets:
             return [Assignment(path, look_of(prim))]
-        owners = self._owners(subsets)[self._cage_faces]
+        owners = self._owners(subsets)[self._cage.faces[self._cage_faces]]
         assignments = [
             Assignment(str(subset.GetPath()), look_of(subset.GetPrim()), owners == number)
             for number, subset in enumerate(subsets)
@@ -171,26 +169,25 @@ class MeshForm(Form):
         return assignments
 
     def _owners(self, subsets: list[UsdGeom.Subset]) -> np.ndarray:
-        """(f,) int, the subset that each face of the cage belongs to; -1: none."""
-        owners = np.full(len(self._cage.counts), -1)
+        """(f,) int, the subset that each authored face belongs to; -1: none."""
+        owners = np.full(len(self._cage.authored.counts), -1)
         for number, subset in enumerate(subsets):
-            attribute = subset.GetIndicesAttr()
             if subset.GetElementTypeAttr().Get() != UsdGeom.Tokens.face:
                 self.context.notes.add("GeomSubset of anything but faces binds no material", subset.GetPath())
                 continue
-            faces = read_array(attribute, self.context.time, np.int64)
-            _check_indices(attribute, faces, len(owners), "faces")
+            faces = read_places(subset.GetIndicesAttr(), self.context, len(owners), "faces")
             if (owners[faces] >= 0).any():
                 text = "faces that an earlier GeomSubset holds too keep the material of that"
-                self.context.notes.add(text, subset.GetPath())
+                self.context.mend(text, subset.GetPath())
             faces = faces[owners[faces] < 0]
             owners[faces] = number
         return owners
 
     def _carry(self, found: UsdGeom.Primvar) -> np.ndarray | None:
-        primvar = read_primvar(found, self._cage, self.context)
+        primvar = read_primvar(found, self._cage.authored, self.context)
         if primvar is None:
             return None
+        primvar = self._cage.without_the_rest(primvar)
         if self._refinement:
             primvar = self._refinement.carry(primvar)
         return at_corners(primvar, self._polygons, self._corners)
@@ -211,10 +208,11 @@ class MeshForm(Form):
             return None
         if values.shape[1] != 3:
             text = f"normals of {values.shape[1]} numbers, and not of three, are left out"
-            self.context.notes.add(text, attribute.GetPath())
+            self.context.mend(text, attribute.GetPath())
             return None
-        found = fitted(Primvar(values, interpolation, indices), self._cage, str(attribute.GetPath()), self.context)
-        return None if found is None else at_corners(found, self._polygons, self._corners)
+        primvar = Primvar(values, interpolation, indices)
+        found = fitted(primvar, self._cage.authored, str(attribute.GetPath()), self.context)
+        return None if found is None else at_corners(self._cage.without_the_rest(found), self._polygons, self._corners)
 
     def _unit_normals(self, normals: np.ndarray) -> np.ndarray:
         """(m, 3, 3) float32, of length 1, and the triangle's own where an authored one has no direction."""
@@ -375,42 +373,3 @@ def _moved_normals(normals: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     moved = normals @ (cofactors.T / (scale or 1)).astype(np.float32)
     lengths = np.sqrt(np.einsum("...i,...i->...", moved, moved))[..., None]
     return moved / np.where(lengths > 0, lengths, 1)
-
-
-def _note_deformation(mesh: UsdGeom.Mesh, context: StageContext) -> None:
-    if context.shutter is None:
-        return
-    points, velocities = mesh.GetPointsAttr(), mesh.GetVelocitiesAttr().Get(context.time)
-    changes = points.ValueMightBeTimeVarying() and not np.array_equal(*(points.Get(t) for t in context.shutter))
-    if changes or np.any(velocities or ()):
-        text = "points that move while the shutter is open are not supported: they rest where they are at the frame"
-        context.notes.add(text, mesh.GetPath())
-
-
-def _topology(mesh: UsdGeom.Mesh, context: StageContext, n_points: int) -> Polygons:
-    """The faces, checked."""
-    counts_attribute, indices_attribute = mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()
-    counts = read_array(counts_attribute, context.time, np.int64)
-    indices = read_array(indices_attribute, context.time, np.int64)
-    if (counts < 0).any() or counts.sum() != len(indices):
-        raise SceneError(
-            f"{counts_attribute.GetPath()} adds up to {counts.sum()}; accepted: counts >= 0 that add up to the "
-            f"{len(indices)} entries of faceVertexIndices"
-        )
-    _check_indices(indices_attribute, indices, n_points, "points")
-    return Polygons(n_points, counts, indices)
-
-
-def _holes(mesh: UsdGeom.Mesh, context: StageContext, n_faces: int) -> np.ndarray:
-    attribute = mesh.GetHoleIndicesAttr()
-    holes = read_array(attribute, context.time, np.int64)
-    _check_indices(attribute, holes, n_faces, "faces")
-    return holes
-
-
-def _check_indices(attribute: Usd.Attribute, indices: np.ndarray, count: int, what: str) -> None:
-    if len(indices) and not (indices.min() >= 0 and indices.max() < count):
-        raise SceneError(
-            f"{attribute.GetPath()} spans [{indices.min()}, {indices.max()}]; "
-            f"accepted: [0, {count - 1}], as there are {count} {what}"
-        )

@@ -101,7 +101,7 @@ def read_values(primvar: UsdGeom.Primvar, context: StageContext) -> np.ndarray |
     if primvar.GetPrimvarName() in DISPLAY_FALLBACKS and values.size and not np.isfinite(values).all():
         values = cut_display(primvar, values, context)
     if not np.isfinite(values).all():
-        context.notes.add("primvar without finite numbers is left out", path)
+        context.mend("primvar without finite numbers is left out", path)
         return None
     if not primvar.GetTypeName().isArray:
         values = values[None]
@@ -144,17 +144,17 @@ def fitted(primvar: Primvar, polygons: Polygons, path: str, context: StageContex
     values, indices = primvar.values, primvar.indices
     if indices is not None and len(indices) and not (indices.min() >= 0 and indices.max() < len(values)):
         span = f"[{indices.min()}, {indices.max()}]"
-        context.notes.add(f"primvar with indices in {span} for {len(values)} values is left out", path)
+        context.mend(f"primvar with indices in {span} for {len(values)} values is left out", path)
         return None
     if primvar.interpolation not in INTERPOLATIONS:
         accepted = ", ".join(INTERPOLATIONS)
-        context.notes.add(f"primvar of interpolation {primvar.interpolation!r} is left out; accepted: {accepted}", path)
+        context.mend(f"primvar of interpolation {primvar.interpolation!r} is left out; accepted: {accepted}", path)
         return None
     found = len(values) if indices is None else len(indices)
     expected = polygons.count_of(primvar.interpolation)
     if found != expected:
         text = f"{primvar.interpolation} primvar of {found} values where {expected} are expected is left out"
-        context.notes.add(text, path)
+        context.mend(text, path)
         return None
     return primvar
 
@@ -163,7 +163,7 @@ def fits_textures(values: np.ndarray, name: str, surface: Surface | None, path: 
     """False, with a warning, of a primvar whose values, (.., k), are too short for the textures that are read there."""
     if surface is None or values.shape[-1] >= 2 or name not in surface.coordinates:
         return True
-    context.notes.add(f"primvar {name} of one number, where textures need two, is left out", path)
+    context.mend(f"primvar {name} of one number, where textures need two, is left out", path)
     return False
 
 

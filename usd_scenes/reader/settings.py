@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, UsdRender
+from pxr import Sdf, Usd, UsdGeom, UsdRender, Vt
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import CONFORM_POLICIES, ConformPolicy
-from usd_scenes.reader.attributes import is_authored, read_array, read_number, read_token
+from usd_scenes.reader.attributes import POSITIVE, is_authored, read_array, read_mended, read_mended_token
 from usd_scenes.reader.context import StageContext
 
+PURPOSES = ("default", "render", "proxy", "guide")
 RESOLUTION_MAX = 65536
 WHOLE_WINDOW = (0.0, 0.0, 1.0, 1.0)
 LINEAR_SPACES = ("lin_rec709", "lin_rec709_scene")
@@ -82,7 +83,7 @@ def read_settings(context: StageContext, asked: str | None = None) -> StageSetti
             warning where there are several.
 
     Raises:
-        SceneError: for settings, a product or a camera that is not there, or a value out of its range.
+        SceneError: for settings that are asked for and not there, or for what is mended, where it is read strictly.
     """
     settings = _find_settings(context, asked)
     if settings is None:
@@ -91,7 +92,7 @@ def read_settings(context: StageContext, asked: str | None = None) -> StageSetti
     products = [prim for path in _targets(settings, "products") if (prim := _product_prim(settings, path, context))]
     return StageSettings(
         products=tuple(_read_product(prim, settings, context) for prim in products or [settings]),
-        purposes=_read_purposes(settings, context.time),
+        purposes=_read_purposes(settings, context),
     )
 
 
@@ -118,7 +119,9 @@ def _find_settings(context: StageContext, asked: str | None) -> Usd.Prim | None:
 def _product_prim(settings: Usd.Prim, path: Sdf.Path, context: StageContext) -> Usd.Prim | None:
     prim = settings.GetStage().GetPrimAtPath(path)
     if not prim or not prim.IsA(UsdRender.Product):
-        raise SceneError(f"{settings.GetPath()}.products = {path}; accepted: the paths of RenderProducts")
+        text = f"= {path}; accepted: the paths of RenderProducts; it is left out"
+        context.mend(text, f"{settings.GetPath()}.products")
+        return None
     product_type = prim.GetAttribute("productType").Get(context.time)
     if product_type != "raster":
         context.notes.add(f"a product of type {product_type} is not supported and is left out", prim.GetPath())
@@ -134,19 +137,18 @@ def _read_product(prim: Usd.Prim, settings: Usd.Prim, context: StageContext) -> 
         own = prim.GetAttribute(name)
         return own if is_authored(own) else settings.GetAttribute(name)
 
-    if tuple(_numbers(attribute("dataWindowNDC"), time, 4)) != WHOLE_WINDOW:
-        context.notes.add("dataWindowNDC is not supported: the whole image is rendered", prim.GetPath())
+    with context.leaving_out(prim.GetPath(), "the whole image is rendered"):
+        if tuple(_numbers(attribute("dataWindowNDC"), time, 4)) != WHOLE_WINDOW:
+            context.notes.add("dataWindowNDC is not supported: the whole image is rendered", prim.GetPath())
     is_instant = any(attribute(name).Get(time) for name in ("disableMotionBlur", "instantaneousShutter"))
-    policy = read_token(attribute("aspectRatioConformPolicy"), time, CONFORM_POLICIES)
+    policy = read_mended_token(attribute("aspectRatioConformPolicy"), context, CONFORM_POLICIES, "expandAperture")
     name = prim.GetAttribute("productName")
     return Product(
         path=str(prim.GetPath()),
         file=str(name.Get(time) or "") if name else "",
-        camera=_camera_path(prim) or _camera_path(settings),
-        resolution=_resolution(attribute("resolution"), time),
-        pixel_aspect_ratio=read_number(
-            attribute("pixelAspectRatio"), time, 1.0, accepted="> 0", holds=lambda ratio: ratio > 0
-        ),
+        camera=_camera_path(prim, context) or (_camera_path(settings, context) if prim != settings else None),
+        resolution=_resolution(attribute("resolution"), context),
+        pixel_aspect_ratio=read_mended(attribute("pixelAspectRatio"), context, POSITIVE, 1.0),
         conform_policy=next((known for known in CONFORM_POLICIES if known == policy), "expandAperture"),
         has_motion_blur=not is_instant,
         has_depth_of_field=not attribute("disableDepthOfField").Get(time),
@@ -162,7 +164,9 @@ def _sources(prim: Usd.Prim, context: StageContext) -> tuple[str, ...] | None:
     for path in targets:
         var = prim.GetStage().GetPrimAtPath(path)
         if not var or not var.IsA(UsdRender.Var):
-            raise SceneError(f"{prim.GetPath()}.orderedVars = {path}; accepted: the paths of RenderVars")
+            text = f"= {path}; accepted: the paths of RenderVars; it is left out"
+            context.mend(text, f"{prim.GetPath()}.orderedVars")
+            continue
         kind = var.GetAttribute("sourceType").Get(context.time)
         name = var.GetAttribute("sourceName").Get(context.time)
         if kind not in READ_SOURCE_TYPES:
@@ -174,32 +178,47 @@ def _sources(prim: Usd.Prim, context: StageContext) -> tuple[str, ...] | None:
     return tuple(sources)
 
 
-def _read_purposes(settings: Usd.Prim, time: Usd.TimeCode) -> tuple[str, ...] | None:
+def _read_purposes(settings: Usd.Prim, context: StageContext) -> tuple[str, ...] | None:
     attribute = settings.GetAttribute("includedPurposes")
-    return tuple(attribute.Get(time) or ()) if is_authored(attribute) else None
-
-
-def _resolution(attribute: Usd.Attribute, time: Usd.TimeCode) -> tuple[int, int] | None:
     if not is_authored(attribute):
         return None
-    size = read_array(attribute, time, np.int64)
-    if len(size) != 2:
-        raise SceneError(f"{attribute.GetPath()} holds {len(size)} numbers; accepted: two")
-    width, height = size
-    if not (1 <= width <= RESOLUTION_MAX and 1 <= height <= RESOLUTION_MAX):
-        raise SceneError(
-            f"{attribute.GetPath()} = ({width}, {height}); accepted: two integers in [1, {RESOLUTION_MAX}]"
-        )
-    return int(width), int(height)
+    asked = _words(attribute, context)
+    if unknown := [purpose for purpose in asked if purpose not in PURPOSES]:
+        accepted = ", ".join(PURPOSES)
+        context.mend(f"holds {', '.join(unknown)}; accepted: {accepted}; it is left out", attribute.GetPath())
+    return tuple(purpose for purpose in asked if purpose in PURPOSES)
 
 
-def _camera_path(prim: Usd.Prim) -> str | None:
+def _resolution(attribute: Usd.Attribute, context: StageContext) -> tuple[int, int] | None:
+    if not is_authored(attribute):
+        return None
+    with context.leaving_out(attribute.GetPath(), "it is left out"):
+        width, height = _numbers(attribute, context.time, 2, np.int64)
+        if not (1 <= width <= RESOLUTION_MAX and 1 <= height <= RESOLUTION_MAX):
+            raise SceneError(
+                f"{attribute.GetPath()} = ({width}, {height}); accepted: two integers in [1, {RESOLUTION_MAX}]"
+            )
+        return int(width), int(height)
+    return None
+
+
+def _camera_path(prim: Usd.Prim, context: StageContext) -> str | None:
     targets = _targets(prim, "camera")
     if not targets:
         return None
     if not UsdGeom.Camera.Get(prim.GetStage(), targets[0]):
-        raise SceneError(f"{prim.GetPath()}.camera = {targets[0]}; accepted: the path of a Camera")
+        context.mend(f"= {targets[0]}; accepted: the path of a Camera; it is left out", f"{prim.GetPath()}.camera")
+        return None
     return str(targets[0])
+
+
+def _words(attribute: Usd.Attribute, context: StageContext) -> tuple[str, ...]:
+    """An array of tokens; none, with a warning, where it is something else."""
+    value = attribute.Get(context.time) if attribute else None
+    if value is None or isinstance(value, Vt.TokenArray | Vt.StringArray):
+        return tuple(value or ())
+    context.mend(f"= {value}; accepted: an array of tokens; it is left out", attribute.GetPath())
+    return ()
 
 
 def _targets(prim: Usd.Prim, name: str) -> list[Sdf.Path]:
@@ -207,8 +226,8 @@ def _targets(prim: Usd.Prim, name: str) -> list[Sdf.Path]:
     return list(relationship.GetForwardedTargets()) if relationship else []
 
 
-def _numbers(attribute: Usd.Attribute, time: Usd.TimeCode, count: int) -> np.ndarray:
-    numbers = read_array(attribute, time, np.float64)
+def _numbers(attribute: Usd.Attribute, time: Usd.TimeCode, count: int, dtype: type = np.float64) -> np.ndarray:
+    numbers = read_array(attribute, time, dtype)
     if len(numbers) != count:
         raise SceneError(f"{attribute.GetPath()} holds {len(numbers)} numbers; accepted: {count}")
     return numbers
@@ -216,7 +235,7 @@ def _numbers(attribute: Usd.Attribute, time: Usd.TimeCode, count: int) -> np.nda
 
 def _note_what_is_not_read(settings: Usd.Prim, context: StageContext) -> None:
     purposes = settings.GetAttribute("materialBindingPurposes")
-    asked = tuple("" if purpose == "allPurpose" else purpose for purpose in purposes.Get(context.time) or ())
+    asked = tuple("" if purpose == "allPurpose" else purpose for purpose in _words(purposes, context))
     if asked not in (FULL_BINDING, FULL_BINDING[:1]) and (asked != ("",) or _has_full_binding(context.stage)):
         context.notes.add("materials are those bound for the purpose full, whatever it says", purposes.GetPath())
     space = settings.GetAttribute("renderingColorSpace")

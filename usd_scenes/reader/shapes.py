@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from functools import partial
+from operator import is_not
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
@@ -73,7 +75,9 @@ class ShapeReader:
         meshes: dict[int, Mesh] = {}
         shapes: list[tuple[Sdf.Path, Shape]] = []
         for path, found in self._found:
-            with self._context.going_on():
+            look = found if isinstance(found, Solid) else found.part.look
+            holds = partial(is_not, look.medium, None)
+            with self._context.going_on(), self._context.leaving_out(found.name, "the shape is left out", holds):
                 if isinstance(found, Solid):
                     shapes.append((path, found))
                 elif counts[id(found.form)] <= 1 and np.array_equal(*found.matrices):

@@ -6,42 +6,37 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 from pxr import Tf, Usd, UsdGeom, UsdShade, UsdSkel
 
 from fgf_warp.errors import FgfError, SceneError
 from fgf_warp.scene import Camera, Light, Medium, Scene, Shape
 from usd_scenes import schema
-from usd_scenes.reader.camera import as_asked, choose_camera, default_camera, read_camera, read_shutter
+from usd_scenes.reader.camera import as_asked, choose_camera, default_camera, note_clipped, read_camera, read_shutter
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.diagnostics import (
+    leave_out_what_is_missing,
     note_warnings,
     open_stage,
-    refuse_composition_errors,
     usd_errors_as_scene_errors,
 )
 from usd_scenes.reader.edits import Edits, edited
+from usd_scenes.reader.frames import Frame
 from usd_scenes.reader.lights import DEFAULT_DOME, default_lights, emitting_meshes, is_light, read_light
 from usd_scenes.reader.links import link_lights
 from usd_scenes.reader.materials import MaterialReader
+from usd_scenes.reader.metadata import check_metadata, meters_per_unit, start_of
 from usd_scenes.reader.policy import Policy
-from usd_scenes.reader.settings import Product, StageSettings, read_settings
+from usd_scenes.reader.settings import PURPOSES, Product, StageSettings, read_settings
 from usd_scenes.reader.shapes import ShapeReader
-from usd_scenes.reader.traversal import walk
+from usd_scenes.reader.traversal import Met, walk
 from usd_scenes.reader.unread import PropertyCheck
 
-PURPOSES = ("default", "render", "proxy", "guide")
 DEFAULT_PURPOSES = frozenset({"default", "render"})
 COMPLEXITIES = ("low", "medium", "high", "veryhigh")
 """As usdrecord names them: each subdivides once more than the one before, ``low`` not at all."""
-UP_AXES = ("Y", "Z")
 CONTAINERS = ("SkelRoot", "PointInstancer")
 """Boundable prims that draw nothing of their own."""
-
-
-Frame = float | Literal["default"]
-"""A time code, or USD's default time, at which attributes have their default values and no samples."""
 
 
 @dataclass(frozen=True)
@@ -68,13 +63,14 @@ class StageReading:
 class _Choices:
     """What is asked of a stage; see `read_scene`."""
 
-    camera: str | None
-    frame: Frame | None
-    purposes: Sequence[str] | None
-    complexity: str
-    strict: bool
-    render_settings: str | None
-    product: str | None
+    camera: str | None = None
+    frame: Frame | None = None
+    purposes: Sequence[str] | None = None
+    complexity: str = "high"
+    strict: bool = False
+    render_settings: str | None = None
+    product: str | None = None
+    asked_for: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -88,6 +84,7 @@ class StageSurvey:
         camera: the one that is taken where none is asked for, or None where it is refused.
         refusals: for what reading would stop.
         warnings: what is mended, left out or not rendered as it is written: a text and the path that it holds for.
+        reading: what the stage came to, or None where it is refused.
     """
 
     shapes: tuple[Shape, ...]
@@ -95,7 +92,8 @@ class StageSurvey:
     lights: tuple[Light, ...]
     camera: Camera | None
     refusals: tuple[FgfError, ...]
-    warnings: tuple[tuple[str, str], ...] = ()
+    warnings: tuple[tuple[str, str], ...]
+    reading: StageReading | None
 
 
 def read_scene(
@@ -131,12 +129,13 @@ def read_scene(
         SceneError: naming file, prim, attribute, the value found and what is accepted.
         UnsupportedFeatureError: for what cannot be rendered and cannot be left out.
     """
-    choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product)
+    asked_for = frozenset(target.partition("[")[0] for target in edits or {})
+    choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product, asked_for)
     schema.register()
     with usd_errors_as_scene_errors(str(path)) as trap:
         stage = open_stage(Path(path))
         with edited(stage, edits or {}, _time_code(stage, frame)):
-            return _read(stage, str(path), choices, trap)
+            return _whole(_read(stage, str(path), choices, trap))
 
 
 def read_stage(
@@ -153,10 +152,9 @@ def read_stage(
     """Reads a stage that is open already; otherwise as `read_scene`."""
     choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product)
     schema.register()
-    layer = stage.GetRootLayer()
-    source = (layer.GetDisplayName() if layer.anonymous else layer.identifier) or "stage"
+    source = _source(stage)
     with usd_errors_as_scene_errors(source) as trap:
-        return _read(stage, source, choices, trap)
+        return _whole(_read(stage, source, choices, trap))
 
 
 def read_products(
@@ -194,28 +192,33 @@ class OpenStages:
         self._contexts.pop().__exit__(*raised)
 
 
-def survey_stage(stage: Usd.Stage, frame: Frame | None = None) -> StageSurvey:
-    """Reads what of an open stage can be read, and collects what is mended, left out or refused."""
+def survey_stage(
+    stage: Usd.Stage,
+    frame: Frame | None = None,
+    *,
+    camera: str | None = None,
+    purposes: Sequence[str] | None = None,
+    strict: bool = False,
+) -> StageSurvey:
+    """Reads what of an open stage can be read, and collects what is mended, left out or refused.
+
+    Args:
+        stage: the open stage.
+        frame: as for `read_scene`.
+        camera: as for `read_scene`.
+        purposes: as for `read_scene`.
+        strict: True where what would be mended or left out is among the refusals.
+
+    Raises:
+        SceneError: for what is asked for and is not there.
+    """
     schema.register()
-    refusals: list[FgfError] = []
-    context = stage_context(stage, frame, Policy(refusals=refusals))
-    materials = MaterialReader(context)
-    settings, camera = StageSettings(), None
-    shapes, lights = _read_prims(context, materials)
-    with context.going_on():
-        _meters_per_unit(stage)
-    with context.going_on():
-        settings = read_settings(context)
-    with context.going_on():
-        prim = choose_camera(context, None, settings.product(None).camera)
-        camera = read_camera(prim, context) if prim else default_camera(shapes, context.up_axis)
-        if prim:
-            read_shutter(prim, context)
-        Scene(camera=camera, shapes=tuple(shapes), media=materials.media)
-    if _is_dark(lights, shapes):
-        lights = [DEFAULT_DOME] if camera is None else [*default_lights(camera)]
-    warnings = context.notes.entries()
-    return StageSurvey(tuple(shapes), materials.media, tuple(lights), camera, tuple(refusals), warnings)
+    choices = _Choices(camera, frame, purposes, strict=strict)
+    with Tf.DiagnosticTrap() as trap:
+        try:
+            return _read(stage, _source(stage), choices, trap, refusals=[])
+        finally:
+            trap.Clear()
 
 
 def stage_context(stage: Usd.Stage, frame: Frame | None = None, policy: Policy | None = None) -> StageContext:
@@ -224,46 +227,116 @@ def stage_context(stage: Usd.Stage, frame: Frame | None = None, policy: Policy |
     return StageContext(stage=stage, time=time, purposes=DEFAULT_PURPOSES, policy=policy or Policy())
 
 
-def _read(stage: Usd.Stage, source: str, choices: _Choices, trap: Tf.DiagnosticTrap) -> StageReading:
+def _read(
+    stage: Usd.Stage,
+    source: str,
+    choices: _Choices,
+    trap: Tf.DiagnosticTrap,
+    refusals: list[FgfError] | None = None,
+) -> StageSurvey:
+    """Reads a stage; the first refusal is raised where they are not collected in `refusals`."""
     context = StageContext(
         stage=stage,
         time=_time_code(stage, choices.frame),
         purposes=DEFAULT_PURPOSES,
         refinement=_refinement(choices.complexity),
-        policy=Policy(strict=choices.strict),
+        policy=Policy(strict=choices.strict, refusals=refusals, asked_for=choices.asked_for),
     )
-    refuse_composition_errors(context)
-    _note_up_axis(context)
-    settings = read_settings(context, choices.render_settings)
+    with context.going_on():
+        leave_out_what_is_missing(context)
+    with context.going_on():
+        check_metadata(context, needs_start=choices.frame is None)
+    settings = StageSettings()
+    with context.going_on():
+        settings = read_settings(context, choices.render_settings)
     product = settings.product(choices.product)
-    camera_prim = choose_camera(context, choices.camera, product.camera)
     purposes = next(asked for asked in (choices.purposes, settings.purposes, DEFAULT_PURPOSES) if asked is not None)
-    context = replace(
-        context,
-        purposes=_checked(purposes),
-        shutter=read_shutter(camera_prim, context) if camera_prim and product.has_motion_blur else None,
-    )
+    context = replace(context, purposes=_checked(purposes))
+    view = None
+    with context.going_on():
+        view = _View.of(context, choices.camera, product)
+        context = replace(context, shutter=view.shutter)
     materials = MaterialReader(context)
     shapes, lights = _read_prims(context, materials)
-    if camera_prim is None:
-        context.notes.add("no camera: the view is from the front and holds everything")
-    if not shapes:
+    camera = None
+    if view is not None:
+        with context.going_on():
+            camera = view.camera(context, shapes)
+    if not shapes and not refusals:
         context.notes.add("no geometry: only the lights are seen; a medium needs a closed shape that it is bound to")
-    camera = read_camera(camera_prim, context) if camera_prim else default_camera(shapes, context.up_axis)
     if _is_dark(lights, shapes):
-        context.notes.add("no light: a dim environment and a light from beside the camera are used")
-        lights = [*default_lights(camera)]
-    scene = Scene(
-        camera=as_asked(camera, product),
-        shapes=tuple(shapes),
-        media=materials.media,
-        lights=tuple(lights),
-        meters_per_unit=_meters_per_unit(stage),
-        source=source,
+        if not refusals:
+            context.notes.add("no light: a dim environment and a light from beside the camera are used")
+        lights = [DEFAULT_DOME] if camera is None else [*default_lights(camera)]
+    scene = None
+    with context.going_on():
+        unit = meters_per_unit(context)
+        if camera is not None:
+            scene = Scene(
+                camera=as_asked(camera, product),
+                shapes=tuple(shapes),
+                media=materials.media,
+                lights=tuple(lights),
+                meters_per_unit=unit,
+                source=source,
+            )
+            _note_law_warnings(context, scene)
+    note_warnings(trap, context.notes, stage)
+    reading = None
+    if scene is not None and not refusals:
+        reading = StageReading(scene, product.resolution, context.notes.texts(), product.sources, context.up_axis)
+    return StageSurvey(
+        tuple(shapes),
+        materials.media,
+        tuple(lights),
+        camera,
+        tuple(refusals or ()),
+        context.notes.entries(),
+        reading,
     )
-    _note_law_warnings(context, scene)
-    note_warnings(trap, context.notes)
-    return StageReading(scene, product.resolution, context.notes.texts(), product.sources, context.up_axis)
+
+
+@dataclass(frozen=True)
+class _View:
+    """The prim that is looked through, or None for a view from the front; when its shutter is open; who chose it."""
+
+    prim: Usd.Prim | None
+    shutter: tuple[Usd.TimeCode, Usd.TimeCode] | None
+    is_asked_for: bool
+
+    @classmethod
+    def of(cls, context: StageContext, asked: str | None, product: Product) -> _View:
+        prim = choose_camera(context, asked, product.camera)
+        shutter = read_shutter(prim, context) if prim and product.has_motion_blur else None
+        return cls(prim, shutter, asked is not None)
+
+    def camera(self, context: StageContext, shapes: Sequence[Shape]) -> Camera:
+        if self.prim is None:
+            context.notes.add("no camera: the view is from the front and holds everything")
+        elif self.is_asked_for:
+            return self._read(self.prim, context, shapes)
+        else:
+            with context.leaving_out(self.prim.GetPath(), "the view is from the front and holds everything"):
+                return self._read(self.prim, context, shapes)
+        return default_camera(shapes, context.up_axis)
+
+    @staticmethod
+    def _read(prim: Usd.Prim, context: StageContext, shapes: Sequence[Shape]) -> Camera:
+        camera = read_camera(prim, context)
+        note_clipped(camera, shapes, context)
+        return camera
+
+
+def _whole(survey: StageSurvey) -> StageReading:
+    if survey.reading is None:
+        raise AssertionError("what refuses a stage is raised where it is not collected")
+    return survey.reading
+
+
+def _source(stage: Usd.Stage) -> str:
+    """What a stage that was opened by someone else is called in messages."""
+    layer = stage.GetRootLayer()
+    return (layer.GetDisplayName() if layer.anonymous else layer.identifier) or "stage"
 
 
 def _read_prims(context: StageContext, materials: MaterialReader) -> tuple[list[Shape], list[Light]]:
@@ -285,13 +358,21 @@ def _read_prims(context: StageContext, materials: MaterialReader) -> tuple[list[
                         light = read_light(prim, context)
                         lights.extend([(prim, light)] if light else [])
             emits = prim.GetPath() in emitting or (is_light(prim) and prim.IsA(UsdGeom.Mesh))
-            if met.has_purpose and not emits and not shapes.read(met) and _is_unsupported(prim):
+            if met.has_purpose and not emits and not _read_shape(met, shapes, materials, context):
                 context.notes.add(f"{prim.GetTypeName()} is not supported and is left out", prim.GetPath())
     placed = shapes.shapes()
     linked_lights, linked_shapes = [light for _, light in lights], [shape for _, shape in placed]
     with context.going_on():
         linked_lights, linked_shapes = link_lights(lights, placed, context)
     return linked_shapes, linked_lights
+
+
+def _read_shape(met: Met, shapes: ShapeReader, materials: MaterialReader, context: StageContext) -> bool:
+    """Reads a prim that may be a shape; False where it draws something that is not supported."""
+    prim = met.prim
+    with context.leaving_out(prim.GetPath(), "the shape is left out", lambda: materials.bounds_medium(prim)):
+        return shapes.read(met) or not _is_unsupported(prim)
+    return True
 
 
 def _is_dark(lights: Sequence[Light], shapes: Sequence[Shape]) -> bool:
@@ -318,19 +399,6 @@ def _note_law_warnings(context: StageContext, scene: Scene) -> None:
             context.notes.add(f"{medium.name}: {text}")
 
 
-def _meters_per_unit(stage: Usd.Stage) -> float:
-    value = float(UsdGeom.GetStageMetersPerUnit(stage))
-    if not (math.isfinite(value) and value > 0):
-        raise SceneError(f"metersPerUnit = {value:g}; accepted: > 0")
-    return value
-
-
-def _note_up_axis(context: StageContext) -> None:
-    axis = UsdGeom.GetStageUpAxis(context.stage)
-    if axis not in UP_AXES:
-        context.notes.add(f"upAxis = {axis} is not supported; accepted: {', '.join(UP_AXES)}; Y is taken")
-
-
 def _time_code(stage: Usd.Stage, frame: Frame | None) -> Usd.TimeCode:
     if frame == "default":
         return Usd.TimeCode.Default()
@@ -338,10 +406,7 @@ def _time_code(stage: Usd.Stage, frame: Frame | None) -> Usd.TimeCode:
         if not math.isfinite(frame):
             raise SceneError(f"frame = {frame:g}; accepted: a finite number")
         return Usd.TimeCode(frame)
-    # The default time would leave attributes that have only samples without a value.
-    if stage.HasAuthoredMetadata("startTimeCode"):
-        return Usd.TimeCode(stage.GetStartTimeCode())
-    return Usd.TimeCode.EarliestTime()
+    return start_of(stage)
 
 
 def _refinement(complexity: str) -> int:

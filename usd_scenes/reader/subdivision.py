@@ -16,9 +16,9 @@ from pxr import UsdGeom
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from fgf_warp.errors import SceneError
-from usd_scenes.reader.attributes import read_array, read_token
+from usd_scenes.reader.attributes import read_mended_token
 from usd_scenes.reader.context import StageContext
+from usd_scenes.reader.creases import read_corner_sharpness, read_creases
 from usd_scenes.reader.primvars import Polygons, Primvar
 
 TRIANGLES_MAX = 2_000_000
@@ -188,18 +188,22 @@ def read_refinement(mesh: UsdGeom.Mesh, cage: Polygons, context: StageContext) -
     """How a mesh is refined; None where it is no subdivision surface.
 
     Raises:
-        SceneError: for creases or corners that do not fit the mesh, or an unknown rule.
+        SceneError: for creases or corners that do not fit the mesh, or an unknown rule, where it is read strictly.
     """
     path = mesh.GetPath()
-    scheme = read_token(mesh.GetSubdivisionSchemeAttr(), context.time, SCHEMES) or "catmullClark"
+    scheme = read_mended_token(mesh.GetSubdivisionSchemeAttr(), context, SCHEMES, "catmullClark")
     if scheme == "none" or not len(cage.counts):
         return None
     rules = Rules(
         scheme=scheme,
-        boundary=read_token(mesh.GetInterpolateBoundaryAttr(), context.time, BOUNDARIES) or "edgeAndCorner",
-        face_varying=read_token(mesh.GetFaceVaryingLinearInterpolationAttr(), context.time, FACE_VARYING)
-        or "cornersPlus1",
-        smooth_triangles=read_token(mesh.GetTriangleSubdivisionRuleAttr(), context.time, TRIANGLE_RULES) == "smooth",
+        boundary=read_mended_token(mesh.GetInterpolateBoundaryAttr(), context, BOUNDARIES, "edgeAndCorner"),
+        face_varying=read_mended_token(
+            mesh.GetFaceVaryingLinearInterpolationAttr(), context, FACE_VARYING, "cornersPlus1"
+        ),
+        smooth_triangles=read_mended_token(
+            mesh.GetTriangleSubdivisionRuleAttr(), context, TRIANGLE_RULES, "catmullClark"
+        )
+        == "smooth",
     )
     if rules.scheme == "loop" and (cage.counts != 3).any():
         context.notes.add("loop subdivision of faces that are no triangles: catmullClark is used", path)
@@ -212,10 +216,10 @@ def read_refinement(mesh: UsdGeom.Mesh, cage: Polygons, context: StageContext) -
             f"{context.refinement} levels of subdivision are more than {TRIANGLES_MAX:,} triangles: {levels} are used"
         )
         context.notes.add(text, path)
-    creases = list(_creases(mesh, cage, context))
-    corners = _corner_sharpness(mesh, cage, context)
+    creases = read_creases(mesh, cage.n_points, context)
+    corners = read_corner_sharpness(mesh, cage.n_points, context)
     if creases and not _on_edges(_connect(cage), creases)[1].all():
-        context.notes.add("creases along no edge of the mesh are left out", path)
+        context.mend("creases along no edge of the mesh; they are left out", path)
     return refine(cage, rules, levels, creases, corners)
 
 
@@ -549,51 +553,3 @@ def _triangles_after(rules: Rules, cage: Polygons, levels: int) -> int:
     if rules.scheme == "loop":
         return len(cage.counts) * 4**levels
     return len(cage.indices) * 4 ** (levels - 1) * 2
-
-
-def _creases(mesh: UsdGeom.Mesh, cage: Polygons, context: StageContext) -> Iterable[tuple[int, int, float]]:
-    indices = read_array(mesh.GetCreaseIndicesAttr(), context.time, np.int64)
-    lengths = read_array(mesh.GetCreaseLengthsAttr(), context.time, np.int64)
-    sharpness = read_array(mesh.GetCreaseSharpnessesAttr(), context.time, np.float64)
-    path = mesh.GetPath()
-    if (len(lengths) and (lengths.min() < 2 or lengths.sum() != len(indices))) or (len(indices) and not len(lengths)):
-        raise SceneError(
-            f"{path}.creaseLengths adds up to {lengths.sum()}; accepted: lengths >= 2 that add up to the "
-            f"{len(indices)} entries of creaseIndices"
-        )
-    _check_points(f"{path}.creaseIndices", indices, cage.n_points)
-    n_edges = int(lengths.sum() - len(lengths))
-    if len(sharpness) == len(lengths):
-        sharpness = np.repeat(sharpness, lengths - 1)
-    _check_sharpness(f"{path}.creaseSharpnesses", sharpness, {len(lengths), n_edges}, n_edges)
-    is_start = np.ones(len(indices), dtype=bool)
-    is_start[np.cumsum(lengths) - 1] = False
-    starts = np.flatnonzero(is_start)
-    return zip(indices[starts].tolist(), indices[starts + 1].tolist(), sharpness.tolist(), strict=True)
-
-
-def _corner_sharpness(mesh: UsdGeom.Mesh, cage: Polygons, context: StageContext) -> np.ndarray:
-    indices = read_array(mesh.GetCornerIndicesAttr(), context.time, np.int64)
-    sharpness = read_array(mesh.GetCornerSharpnessesAttr(), context.time, np.float64)
-    path = mesh.GetPath()
-    _check_points(f"{path}.cornerIndices", indices, cage.n_points)
-    _check_sharpness(f"{path}.cornerSharpnesses", sharpness, {len(indices)}, len(indices))
-    found = np.zeros(cage.n_points)
-    found[indices] = sharpness
-    return found
-
-
-def _check_points(name: str, indices: np.ndarray, n_points: int) -> None:
-    if len(indices) and not (indices.min() >= 0 and indices.max() < n_points):
-        raise SceneError(
-            f"{name} spans [{indices.min()}, {indices.max()}]; accepted: [0, {n_points - 1}], "
-            f"as there are {n_points} points"
-        )
-
-
-def _check_sharpness(name: str, sharpness: np.ndarray, accepted: set[int], used: int) -> None:
-    if len(sharpness) != used:
-        counts = " or ".join(str(count) for count in sorted(accepted))
-        raise SceneError(f"{name} has {len(sharpness)} entries; accepted: {counts}")
-    if not (sharpness >= 0).all():
-        raise SceneError(f"{name} holds {sharpness.min():g}; accepted: sharpnesses >= 0")

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from usd_scenes.reader.sweep import doubled_areas, sweep_polygon
+
+EARS_MAX = 200
+"""Corners of a face that crosses itself, of which ears are cut off in time that grows with their number's cube."""
+
 
 def cut_faces(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
     """Splits polygons into triangles of the same orientation.
 
     A face is cut into a fan from its first corner, else from its second, which covers all convex faces and all
-    quads; the faces that are left, concave ones of more corners, lose one ear after the other.
+    quads; the faces that are left, concave ones of more corners, are cut by a line that sweeps over them. A face that
+    crosses itself, which no triangles cover once, loses one ear after the other, or is a fan.
 
     Args:
         points: (n, 3) float.
@@ -31,7 +37,7 @@ def cut_faces(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> np
             covered = _fan_covers(points[indices[fan_faces]])
             found.append(_fan(fan_faces[covered]))
             faces = faces[~covered]
-        found.extend(face[_cut_ears(points[indices[face]])] for face in faces)
+        found.extend(face[_cut_concave(points[indices[face]])] for face in faces)
     return np.concatenate(found)
 
 
@@ -55,14 +61,37 @@ def _fan_covers(corners: np.ndarray) -> np.ndarray:
     return (np.einsum("fki,fi->fk", doubled_areas, normal) >= 0).all(axis=1)
 
 
-def _cut_ears(corners: np.ndarray) -> np.ndarray:
-    """(k - 2, 3) triangles of one concave face, (k, 3)."""
+def _cut_concave(corners: np.ndarray) -> np.ndarray:
+    """(k - 2, 3) triangles of one concave face, (k, 3), seen along the axis that it faces most."""
     normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
     drop = int(np.argmax(np.abs(normal)))
     flat = corners[:, [(drop + 1) % 3, (drop + 2) % 3]]
     if normal[drop] < 0:  # Seen from behind the face runs clockwise: mirror it.
         flat[:, 0] *= -1
-    left, triangles = list(range(len(corners))), []
+    is_new = (flat != np.roll(flat, 1, axis=0)).any(axis=1)
+    if is_new.sum() >= 3 and (cut := sweep_polygon(flat[is_new])) is not None:
+        return np.concatenate([np.flatnonzero(is_new)[cut], _between_repeated(is_new)])
+    if len(corners) <= EARS_MAX:
+        return _cut_ears(flat)
+    return _fan(np.arange(len(corners))[None])
+
+
+def _between_repeated(is_new: np.ndarray) -> np.ndarray:
+    """Triangles without area, so that corners which repeat the one before belong to the face's edges too.
+
+    Args:
+        is_new: (k,) bool, False of those corners.
+    """
+    k = len(is_new)
+    repeated = np.flatnonzero(~is_new)
+    kept = np.flatnonzero(is_new)
+    before = kept[np.searchsorted(kept, repeated) - 1]  # The last one, -1, is before the first.
+    return np.stack([before, repeated, (repeated + 1) % k], axis=1).reshape(-1, 3)
+
+
+def _cut_ears(flat: np.ndarray) -> np.ndarray:
+    """(k - 2, 3) triangles of a face that crosses or touches itself, (k, 2)."""
+    left, triangles = list(range(len(flat))), []
     while len(left) > 3:
         at = next((at for at in range(len(left)) if _is_ear(flat, left, at)), 0)
         triangles.append((left[at - 1], left[at], left[(at + 1) % len(left)]))
@@ -74,10 +103,5 @@ def _is_ear(flat: np.ndarray, left: list[int], at: int) -> bool:
     before, tip, after = left[at - 1], left[at], left[(at + 1) % len(left)]
     ring = flat[[before, tip, after]]
     others = flat[[corner for corner in left if corner not in (before, tip, after)]]
-    sides = np.stack([_turn(ring[i], ring[(i + 1) % 3], others) for i in range(3)])
-    return bool(_turn(ring[0], ring[1], ring[2]) > 0 and not (sides > 0).all(axis=0).any())
-
-
-def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Twice the signed area of the triangles a, b, c in the plane, > 0 where they turn left."""
-    return (b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0])
+    sides = np.stack([doubled_areas(ring[i], ring[(i + 1) % 3], others) for i in range(3)])
+    return bool(doubled_areas(*ring) > 0 and not (sides > 0).all(axis=0).any())

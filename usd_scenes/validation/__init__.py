@@ -6,13 +6,16 @@ one of them is asked for. Other programs may run them too, with this folder and 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from pxr import UsdValidation
 
-from usd_scenes.validation.findings import Finding, validate_stage
+from usd_scenes.validation.findings import Finding
 from usd_scenes.validation.media import check_binding, check_terminals, check_values
+from usd_scenes.validation.run import Asked, Validation, validate_stage
 from usd_scenes.validation.scene import check_scene
 
-__all__ = ["Finding", "validate_stage"]
+__all__ = ["Asked", "Finding", "Validation", "validate_stage"]
 
 PRIM_VALIDATORS = {
     "MediumBinding": check_binding,
@@ -21,11 +24,16 @@ PRIM_VALIDATORS = {
 }
 
 
+def _at_start(check: Callable[[object], list[UsdValidation.ValidationError]]) -> Callable[..., object]:
+    """As USD calls validators: with the times that it is asked about, all of them where it is not."""
+    return lambda checked, _times: check(checked)
+
+
 def _register() -> None:
     registry = UsdValidation.ValidationRegistry()
     for name, check in PRIM_VALIDATORS.items():
-        registry.RegisterPluginPrimValidator(f"{__name__}:{name}", check)
-    registry.RegisterPluginStageValidator(f"{__name__}:Scene", check_scene)
+        registry.RegisterPluginPrimValidator(f"{__name__}:{name}", _at_start(check))
+    registry.RegisterPluginStageValidator(f"{__name__}:Scene", _at_start(check_scene))
 
 
 _register()

@@ -55,7 +55,7 @@ class Walls:
         return frozenset(
             self._walls[k].name
             for k in map(int, near)
-            if self._walls[k] is not but and self._is_closed(k) and encloses(self._walls[k], point)
+            if self._walls[k] is not but and is_inside(self._walls[k], point) and self._is_closed(k)
         )
 
     def _is_closed(self, k: int) -> bool:
@@ -66,6 +66,39 @@ class Walls:
         if k not in self._closed:
             self._closed[k] = count_open_edges(mesh.points, mesh.triangles) == 0
         return self._closed[k]
+
+
+def is_inside(shape: Shape, point: np.ndarray) -> bool:
+    """True where the point, (3,) float64 in world space, lies in the closed shape."""
+    if isinstance(shape, MeshInstance):
+        return is_inside(shape.mesh, np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3])
+    return count_crossings(shape, point) > 0 if isinstance(shape, Mesh) else encloses(shape, point)
+
+
+def count_crossings(mesh: Mesh, point: np.ndarray) -> int:
+    """How often a closed mesh winds around a point, by what a ray along x leaves less what it enters.
+
+    Only the triangles that the ray's line passes are looked at, so this is much faster than the solid angles of
+    `winding_number`. Of an edge, which two triangles share, both see the same side of the line.
+    """
+    points, triangles = np.asarray(mesh.points), np.asarray(mesh.triangles)
+    above = points[:, 1] > point[1]
+    sides = above[triangles]
+    some = np.flatnonzero(sides.any(axis=1) & ~sides.all(axis=1))
+    corners = points[triangles[some]].astype(np.float64) - point
+    turns = np.zeros(len(some), dtype=np.int64)
+    for first in range(3):
+        a, b = corners[:, first], corners[:, (first + 1) % 3]
+        rises = (b[:, 1] > 0).astype(np.int64) - (a[:, 1] > 0)
+        # From the lower end to the upper, whichever way the triangle goes along the edge.
+        low, high = (np.where(rises[:, None] > 0, *pair) for pair in ((a, b), (b, a)))
+        rise = np.where(rises != 0, high[:, 1] - low[:, 1], 1.0)
+        turns += rises * (low[:, 2] - low[:, 1] / rise * (high[:, 2] - low[:, 2]) < 0)
+    passed = np.flatnonzero(turns)
+    a, b, c = (corners[passed, corner] for corner in range(3))
+    normals = np.cross(b - a, c - a)
+    ahead = np.einsum("ij,ij->i", normals, a) * normals[:, 0] > 0
+    return int(turns[passed][ahead].sum())
 
 
 def is_opaque(shape: Shape) -> bool:

@@ -6,7 +6,7 @@ from pxr import Usd, UsdShade, UsdValidation
 
 from fgf_warp.errors import SceneError
 from usd_scenes import schema
-from usd_scenes.reader.context import StageContext
+from usd_scenes.reader.frames import Frame
 from usd_scenes.reader.materials import RENDER_CONTEXT
 from usd_scenes.reader.medium import ends_in_surface, medium_problems
 from usd_scenes.reader.stage import stage_context
@@ -16,15 +16,15 @@ CLOSED_SHAPES = ("Sphere", "Cube", "Cylinder", "Cylinder_1", "Cone", "Capsule", 
 Errors = list[UsdValidation.ValidationError]
 
 
-def check_values(prim: Usd.Prim, _times: object) -> Errors:
-    """That every value of a medium is accepted."""
+def check_values(prim: Usd.Prim, frame: Frame | None = None) -> Errors:
+    """That every value of a medium is accepted at a frame; None is where the stage starts."""
     if not _is_medium(prim):
         return []
-    problems = medium_problems(prim, _context(prim))
+    problems = medium_problems(prim, stage_context(prim.GetStage(), frame))
     return [refusal("ValueOutOfDomain", prim.GetStage(), str(problem)) for problem in problems]
 
 
-def check_terminals(prim: Usd.Prim, _times: object) -> Errors:
+def check_terminals(prim: Usd.Prim, frame: Frame | None = None) -> Errors:
     """That a material whose values say that it has a medium has one, and its boundary has what it says."""
     if not _is_medium(prim):
         if prim.GetPropertiesInNamespace("inputs:fgf") or prim.GetPropertiesInNamespace("fgf"):
@@ -39,7 +39,7 @@ def check_terminals(prim: Usd.Prim, _times: object) -> Errors:
         if not output.HasConnectedSource()
     ]
     try:
-        needs_surface = ends_in_surface(prim, _context(prim))
+        needs_surface = ends_in_surface(prim, stage_context(prim.GetStage(), frame))
     except SceneError as problem:
         return [*found, refusal("UnknownBoundary", prim.GetStage(), str(problem))]
     if needs_surface and not UsdShade.Material(prim).ComputeSurfaceSource(RENDER_CONTEXT)[0]:
@@ -51,7 +51,7 @@ def check_terminals(prim: Usd.Prim, _times: object) -> Errors:
     return found
 
 
-def check_binding(prim: Usd.Prim, _times: object) -> Errors:
+def check_binding(prim: Usd.Prim, _frame: Frame | None = None) -> Errors:
     """That a medium is bound to what can be filled."""
     if prim.GetTypeName() in CLOSED_SHAPES or not _is_filled(prim):
         return []
@@ -66,7 +66,3 @@ def _is_filled(prim: Usd.Prim) -> bool:
 
 def _is_medium(material: Usd.Prim) -> bool:
     return schema.SCHEMA_NAME in material.GetAppliedSchemas()
-
-
-def _context(prim: Usd.Prim) -> StageContext:
-    return stage_context(prim.GetStage())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from pxr import Tf, Usd, UsdGeom, UsdShade, UsdValidation
+from pxr import Usd, UsdGeom, UsdShade, UsdValidation
 
 from fgf_warp.errors import FgfError, OpenMeshError, SceneError
 from fgf_warp.scene import MAX_CONTAINERS, Camera, Light, bodies_of, encloses, shape_bounds
@@ -19,29 +19,34 @@ from usd_scenes.validation.compartments import (
     is_opaque,
     lit_compartments,
 )
-from usd_scenes.validation.findings import OPEN_MESH, REFUSED, error, info, refusal, warning
+from usd_scenes.validation.findings import OPEN_MESH, REFUSED, error, info, mended, refusal, warning
 
 DEPTH_MIN, DEPTH_MAX = 1e-4, 1e4
 """Mean optical depths across a medium, beyond which it is clear or opaque whatever else is true of it."""
 Errors = Iterator[UsdValidation.ValidationError]
 
 
-def check_scene(stage: Usd.Stage, _times: object) -> list[UsdValidation.ValidationError]:
-    """What is wrong with the stage as a whole."""
-    with Tf.DiagnosticTrap() as trap:
-        try:
-            survey = survey_stage(stage)
-        except SceneError as problem:
-            return [_refusal(stage, problem)]
-        finally:
-            trap.Clear()
-    checks = (_refusals, _count, _depths, _unbound, _shadowed, _shut_off)
+def check_scene(stage: Usd.Stage) -> list[UsdValidation.ValidationError]:
+    """What is wrong with the stage as a whole, where it starts."""
+    try:
+        return check_survey(stage, survey_stage(stage))
+    except SceneError as problem:
+        return [_refusal(stage, problem)]
+
+
+def check_survey(stage: Usd.Stage, survey: StageSurvey) -> list[UsdValidation.ValidationError]:
+    """What is wrong with what of a stage could be read."""
+    checks = (_refusals, _mended, _count, _depths, _unbound, _shadowed, _shut_off)
     return [found for check in checks for found in check(stage, survey)]
 
 
 def _refusals(stage: Usd.Stage, survey: StageSurvey) -> Errors:
     """A medium that is refused is so for every shape that it is bound to, and is told of once."""
     return (_refusal(stage, problem) for problem in {str(problem): problem for problem in survey.refusals}.values())
+
+
+def _mended(stage: Usd.Stage, survey: StageSurvey) -> Errors:
+    return (mended(stage, text, path) for text, path in survey.warnings)
 
 
 def _refusal(stage: Usd.Stage, problem: FgfError) -> UsdValidation.ValidationError:

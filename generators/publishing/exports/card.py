@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import jinja2
-
 from generators.dataset.plan_table import PlanMeta
 from generators.publishing.exports.samples import Split
+from generators.publishing.markdown import code, markdown_template, plain
 from generators.publishing.words import CITATION, describe
 
 FILES = {"webdataset": "{}-*.tar", "parquet": "{}.parquet", "npz": "{}.npz"}
@@ -27,7 +26,8 @@ def write_export_card(meta: PlanMeta, kind: str, splits: Sequence[Split]) -> str
     return _TEMPLATE.render(
         meta=meta,
         kind=kind,
-        lead=describe(meta),
+        lead=plain(describe(meta)),
+        digest=code(meta.digest),
         files={split.name: FILES[kind].format(split.name) for split in splits},
         loadable=kind in FOR_DATASETS,
         counts={split.name: split.labels.num_rows for split in splits},
@@ -35,13 +35,11 @@ def write_export_card(meta: PlanMeta, kind: str, splits: Sequence[Split]) -> str
     )
 
 
-_TEMPLATE = jinja2.Environment(
-    autoescape=False, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
-).from_string(
+_TEMPLATE = markdown_template(
     """---
-pretty_name: {{ meta.name | tojson }}
+pretty_name: {{ meta.name | quoted }}
 {% if meta.license %}
-license: {{ meta.license | lower | tojson }}
+license: {{ meta.license | lower | quoted }}
 {% endif %}
 {% if loadable %}
 configs:
@@ -49,14 +47,14 @@ configs:
   data_files:
 {% for split, path in files.items() %}
   - split: {{ split }}
-    path: {{ path | tojson }}
+    path: {{ path | quoted }}
 {% endfor %}
 {% endif %}
 ---
 
-# {{ meta.name }}
+# {{ meta.name | plain }}
 
-{{ lead }} Exported as {{ kind }} from the dataset whose plan has the SHA-256 `{{ meta.digest }}`; its card explains the
+{{ lead }} Exported as {{ kind }} from the dataset whose plan has the SHA-256 {{ digest }}; its card explains the
 columns and the physics.
 
 | split | samples | files |

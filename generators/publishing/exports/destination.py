@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ from pathlib import Path
 
 from fgf_warp.errors import ConfigError, OutputError
 from generators.dataset.reader import Dataset
+from generators.dataset.scratch import scratch_folder
 from generators.dataset.store import Store
 
 
@@ -35,9 +35,9 @@ def destination(out: str, dataset: Dataset) -> Iterator[Path]:
         raise ConfigError(f"--out {out}: is there and not empty; accepted: a folder that is new or empty")
     try:
         if folder is None:
-            with tempfile.TemporaryDirectory() as temporary:
-                yield Path(temporary)
-                store.upload(Path(temporary))
+            with scratch_folder() as scratch:
+                yield scratch
+                store.upload(scratch)
         else:
             with _hidden_beside(folder) as hidden:
                 yield hidden
