@@ -59,6 +59,7 @@ class RenderFeatures:
         shaping: lights that emit unevenly.
         links: lights that shine on some shapes, or that some shapes cast shadows of.
         media: shapes filled with a medium.
+        contacts: bodies of one medium that may touch, so that it must be told whether they do or overlap.
         lone_law: the law, ``exponential``, ``power``, ``fractional`` or ``exact_fbm``, of the only medium, where one
             shape is filled with a medium and the channels do not differ; otherwise empty, and laws are looked up.
         lone_solid: what that one shape is, ``sphere``, ``cube`` or ``cylinder``: a ray is in it between two distances,
@@ -90,6 +91,7 @@ class RenderFeatures:
     shaping: bool
     links: bool
     media: bool
+    contacts: bool
     lone_law: str
     lone_solid: str
     chromatic: bool
@@ -191,6 +193,7 @@ def required_features(scene: Scene, settings: RenderSettings) -> RenderFeatures:
         shaping=any(light.shaping is not None for light in scene.lights),
         links=any(light.link is not None or light.shadow_link is not None for light in scene.lights),
         media=bool(media),
+        contacts=bool(scene.neighbours),
         lone_law=lone_law,
         lone_solid=filled[0].kind if lone_law and isinstance(filled[0], Solid) and not moves(filled[0]) else "",
         chromatic=chromatic,
@@ -305,6 +308,9 @@ def explain(scene: Scene, settings: RenderSettings) -> tuple[Reason, ...]:
             _why([shape.name for shape in scene.shapes_around_starts(settings.width, settings.height)]),
         ),
         Reason("media", features.media, _why([shape.name for shape in filled])),
+        Reason(
+            "bodies of one medium that may touch", features.contacts, _why([shape.name for shape in scene.neighbours])
+        ),
         Reason(f"one law for all flights: {features.lone_law}".removesuffix(": "), bool(features.lone_law), law_why),
         Reason(
             "one chord through the medium",

@@ -43,6 +43,7 @@ from fgf_warp.device.geometry import (
     chord,
     coordinate_reach,
     cross_boundary,
+    entered_at,
     is_inside,
     meet_open_surface,
     meet_solid_boundary,
@@ -95,7 +96,16 @@ from fgf_warp.device.lights import (
     meet_light,
     sample_light,
 )
-from fgf_warp.device.medium import Container, Medium, container_at, ior_at, medium_after, medium_at, refracting_at
+from fgf_warp.device.medium import (
+    Container,
+    Medium,
+    build_carries_on,
+    container_at,
+    ior_at,
+    medium_after,
+    medium_at,
+    refracting_at,
+)
 from fgf_warp.device.numerics import INFINITE, choose, log_positive, max_component
 from fgf_warp.device.options import kernel_options
 from fgf_warp.device.phase import Phase, build_phase
@@ -165,6 +175,8 @@ class SceneData:
     lights: wp.array(dtype=Light)
     camera_inside: wp.uint32
     """Containers around what camera rays begin at, where they are the same for all."""
+    contact_rounding: float
+    """Distance that rounding may part boundaries by which coincide, for rays of all slants but the flattest."""
     camera_ior: float
     """Index of refraction there; where they are not the same, in the middle of where rays begin."""
     media_center: wp.vec3
@@ -324,16 +336,16 @@ def build_program(features: RenderFeatures) -> Program:
     pool_floats, sum_count = lane_floats(features), tally_floats(features)
     eval_phase, sample_phase = build_phase(features.phases)
     intersect_solids, intersect_meshes = build_intersect_solids(features), build_intersect_meshes(features)
-    place_instance = build_place_instance(features)
+    place_instance, carries_on = build_place_instance(features), build_carries_on(features)
     load, store = lanes_module.build_lanes(features)
     load_tally, store_tally = lanes_module.build_tallies(features)
 
     # ---- the law of a path: its medium's, or where it is frozen there, the exponential at its rate.
 
     @wp.func
-    def draw_rates(scene: SceneData, path: Path, medium: Medium, seed: wp.uint64) -> wp.vec3:
-        """At which it is frozen in a medium: the same rates whenever it comes there."""
-        xi = draw(seed, path.pixel, path.turn, 1 + medium.index, WHOLE_PATH)
+    def draw_rates(scene: SceneData, path: Path, medium: Medium, body: int, seed: wp.uint64) -> wp.vec3:
+        """At which it is frozen in a body of a medium: the same rates whenever it comes there."""
+        xi = draw(seed, path.pixel, path.turn, scene.containers[body].rates, WHOLE_PATH)
         rates = wp.vec3(NOT_FROZEN)
         if xi[0] < medium.frozen_share:
             rates = wp.vec3(draw_from(scene.tables, medium.law.rates, xi[1]))
@@ -453,7 +465,9 @@ def build_program(features: RenderFeatures) -> Program:
         if path.medium >= 0 and path.keeps == 0:
             medium = seen_medium(scene.media[scene.first_medium + path.medium], path.depth)
             if wp.static(features.frozen):
-                path.rates = draw_rates(scene, path, medium, seed)
+                if path.body < 0:
+                    path.body = container_at(scene.containers, before.start.inside)
+                    path.rates = draw_rates(scene, path, medium, path.body, seed)
             u = fly_by_law(scene, path, law_of_channel(medium, path.channel), seed)
             path.length = wp.min(u / medium.extinction[path.channel], 0.5 * INFINITE)
             path.flight = path.segment + path.length
@@ -677,6 +691,17 @@ def build_program(features: RenderFeatures) -> Program:
         return hidden
 
     @wp.func
+    def go_through(scene: SceneData, before: Start, container: int, origin: wp.vec3, t: float) -> Start:
+        """Beyond the boundary of a container that a ray crosses at t."""
+        start = before
+        if wp.static(features.contacts):
+            start.entered = entered_at(before, container, origin, t, scene.contact_rounding)
+        start.inside = cross_boundary(before.inside, container)
+        start.t_min = t
+        start.crossed = container
+        return start
+
+    @wp.func
     def pass_surface(scene: SceneData, before: Path, container: int, weight: wp.vec3, keeps: bool) -> Path:
         """It goes straight on; on a boundary, on the other side of it."""
         path = before
@@ -684,8 +709,9 @@ def build_program(features: RenderFeatures) -> Program:
         path.albedo = weight
         path.keeps = wp.where(keeps, 1, 0)
         if container >= 0:
-            path.start.t_min = before.hit.t
-            path = change_side(scene, path, container)
+            path.start = go_through(scene, before.start, container, before.origin, before.hit.t)
+            path = with_index(scene, path)
+            path.body = wp.where(keeps, before.body, -1)
         else:
             path.start.passed = before.hit.t
         return path
@@ -695,6 +721,12 @@ def build_program(features: RenderFeatures) -> Program:
         """It is on the other side of a boundary."""
         path = before
         path.start.inside = cross_boundary(before.start.inside, container)
+        return with_index(scene, path)
+
+    @wp.func
+    def with_index(scene: SceneData, before: Path) -> Path:
+        """With the index of refraction of where it is."""
+        path = before
         index = ior_at(scene.containers, path.start.inside) / scene.camera_ior
         path.squeeze = index * index
         return path
@@ -712,7 +744,9 @@ def build_program(features: RenderFeatures) -> Program:
         path.start.crossed = container
         path.keeps = 0
         if is_hidden(scene, container, before.start.inside):
-            return pass_surface(scene, path, container, wp.vec3(1.0), True), Bsdf()
+            beyond = go_through(scene, before.start, container, before.origin, before.hit.t)
+            keeps = carries_on(scene.containers, before.medium, before.start.inside, beyond.inside, beyond.entered)
+            return pass_surface(scene, path, container, wp.vec3(1.0), keeps), Bsdf()
         surface = read_shade(scene, before.hit, before.direction, before.start)
         bsdf = surface.bsdf
         path.met = surface.emission
@@ -735,6 +769,7 @@ def build_program(features: RenderFeatures) -> Program:
             path.transmits = s.transmits
             if s.transmits == 1:
                 path = change_side(scene, path, container)
+                path.body = -1
         return path, bsdf
 
     # ---- meet: what of the scene does it find there, and does the light end here?
@@ -786,15 +821,26 @@ def build_program(features: RenderFeatures) -> Program:
         start = path.start
         hit = path.hit
         for _ in range(MAX_CROSSINGS):
-            if hit.kind != BOUNDARY:
+            gate = gate_of(scene, hit)
+            if gate < 0:
                 break
-            start.inside = cross_boundary(start.inside, hit.item)
-            start.t_min = hit.t
-            start.crossed = hit.item
-            if medium_at(scene.containers, start.inside) != path.medium:
+            inside = start.inside
+            start = go_through(scene, start, gate, path.origin, hit.t)
+            if not carries_on(scene.containers, path.medium, inside, start.inside, start.entered):
                 break
             hit = intersect(scene, path.origin, path.direction, INFINITE, start)
         return hit.t
+
+    @wp.func
+    def gate_of(scene: SceneData, hit: Hit) -> int:
+        """The container whose boundary was met, or -1."""
+        gate = int(-1)
+        if hit.kind == BOUNDARY:
+            gate = hit.item
+        if wp.static(refracts):
+            if hit.kind == SURFACE:
+                gate = scene.shading[0].looks[hit.item].container
+        return gate
 
     @wp.func(inline=True)
     def channel_weight(path: Path) -> wp.vec3:
@@ -815,9 +861,13 @@ def build_program(features: RenderFeatures) -> Program:
             path.keeps = wp.where(before.passes == 1, before.keeps, 0)
         if wp.static(lone_law == ""):
             if before.hit.kind == BOUNDARY and not scatters:
-                beyond = medium_at(scene.containers, cross_boundary(before.start.inside, before.hit.item))
-                if beyond == path.medium:
+                inside = before.start.inside
+                beyond = go_through(scene, before.start, before.hit.item, before.origin, before.hit.t)
+                path.start.entered = beyond.entered
+                if carries_on(scene.containers, path.medium, inside, beyond.inside, beyond.entered):
                     path.keeps = 1
+                else:
+                    path.body = -1
             if path.medium >= 0 and path.keeps == 0:
                 medium = seen_medium(scene.media[scene.first_medium + path.medium], path.depth)
                 if scatters:
@@ -871,6 +921,9 @@ def build_program(features: RenderFeatures) -> Program:
         crossed = cross_boundary(before.start.inside, wp.where(crosses, before.hit.item, 0))
         path.start.inside = wp.where(crosses, crossed, before.start.inside)
         path.start.t_min = wp.where(crosses, before.hit.t, wp.where(is_new, 0.0, before.start.t_min))
+        if wp.static(features.contacts):
+            begins = is_new and not crosses
+            path.start.entered = wp.where(begins, wp.uint32(0), before.start.entered)
         last_crossed = wp.where(is_new, -1, before.start.crossed)
         if wp.static(refracts):
             last_crossed = wp.where(meets_surface, before.start.crossed, last_crossed)
@@ -1072,9 +1125,16 @@ def build_program(features: RenderFeatures) -> Program:
             casting = light.casting_containers
         if wp.static(features.media):
             medium = medium_at(scene.containers, start.inside & casting)
+        rates = path.rates
+        # Whose rates are to be drawn; those of the medium that the path is in, it has.
+        body = int(-1)
+        if wp.static(features.frozen and not freezes_at_birth):
+            if path.body < 0 or scene.containers[path.body].medium != medium:
+                body = container_at(scene.containers, start.inside & casting)
         for _ in range(MAX_CROSSINGS):
             hit = intersect(scene, path.origin, direction, distance, start)
             beyond = int(-1)
+            goes_on = bool(True)
             gate = int(-1)
             lets_through = hit.kind == BOUNDARY
             if hit.kind == BOUNDARY:
@@ -1090,15 +1150,15 @@ def build_program(features: RenderFeatures) -> Program:
             if wp.static(features.media):
                 beyond = medium
                 if lets_through and gate >= 0:
-                    start.inside = cross_boundary(start.inside, gate)
-                    start.t_min = hit.t
-                    start.crossed = gate
+                    inside = start.inside & casting
+                    start = go_through(scene, start, gate, path.origin, hit.t)
                     beyond = medium_at(scene.containers, start.inside & casting)
-                if medium >= 0 and (not lets_through or beyond != medium):
+                    goes_on = carries_on(scene.containers, medium, inside, start.inside & casting, start.entered)
+                if medium >= 0 and (not lets_through or not goes_on):
                     crossed = seen_medium(scene.media[scene.first_medium + medium], path.depth + 1)
-                    rates = path.rates
                     if wp.static(features.frozen and not freezes_at_birth):
-                        rates = draw_rates(scene, path, crossed, seed)
+                        if body >= 0:
+                            rates = draw_rates(scene, path, crossed, body, seed)
                     passed = attenuation(crossed, hit.t - segment, from_medium, rates)
                     result.transmittance = wp.cw_mul(result.transmittance, passed)
             if hit.kind == MISS:
@@ -1106,10 +1166,12 @@ def build_program(features: RenderFeatures) -> Program:
             if not lets_through:
                 result.transmittance = wp.vec3(0.0)
                 return result
-            if beyond != medium:
+            if not goes_on:
                 segment = hit.t
                 from_medium = False
                 medium = beyond
+                if wp.static(features.frozen and not freezes_at_birth):
+                    body = container_at(scene.containers, start.inside & casting)
         result.transmittance = wp.vec3(0.0)
         result.truncated = 1
         return result
@@ -1359,6 +1421,7 @@ def build_program(features: RenderFeatures) -> Program:
         path.medium = -1
         path.links = ALL_LINKS
         path.rates = wp.vec3(NOT_FROZEN)
+        path.body = -1
         path.squeeze = 1.0
         if wp.static(features.chromatic):
             path.channel_pdfs = wp.vec3(1.0, 1.0, 1.0)
@@ -1389,9 +1452,7 @@ def build_program(features: RenderFeatures) -> Program:
                 hit = intersect_meshes(scene.boundaries, origin, before.direction, start, hit)
             if hit.kind != BOUNDARY:
                 break
-            start.inside = cross_boundary(start.inside, hit.item)
-            start.t_min = hit.t
-            start.crossed = hit.item
+            start = go_through(scene, start, hit.item, origin, hit.t)
         path.start.inside = start.inside
         path.start.slack = 2.0 * OFFSET * coordinate_reach(before.origin, back)
         return path
@@ -1567,7 +1628,7 @@ def build_program(features: RenderFeatures) -> Program:
             if wp.static(features.varied_starts):
                 path = find_start(scene, path)
             if wp.static(freezes_at_birth):
-                path.rates = draw_rates(scene, path, lone, seed)
+                path.rates = draw_rates(scene, path, lone, 0, seed)
             while path.alive == 1:
                 path = depart(path, seed)
                 if wp.static(features.media):
@@ -1702,7 +1763,7 @@ def build_program(features: RenderFeatures) -> Program:
             for i in range(LANES):
                 path = load(lanes, i)
                 if path.alive == 1 and path.bounce == 0:
-                    path.rates = draw_rates(scene, path, lone, seed)
+                    path.rates = draw_rates(scene, path, lone, 0, seed)
                     store(lanes, i, path)
 
     @wp.func

@@ -11,13 +11,14 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import product
+from itertools import combinations, product
 from typing import Literal
 
 import numpy as np
 
 from fgf_warp.errors import OpenMeshError, SceneError
 from fgf_warp.placements import FLOAT32_MAX, are_usable, blocks, bound_places, squared
+from fgf_warp.shells import Shells, count_unmatched, find_shells, weld, winding_number
 from fgf_warp.theory.choices import LINE_VARIANCES, TRANSPORTS, LineVariance, Transport
 from fgf_warp.theory.law import LineLaw, build_line_law
 from fgf_warp.theory.mixture import MIXTURE_ERROR, mix_exact_rates
@@ -61,6 +62,10 @@ CONFORM_POLICIES: tuple[ConformPolicy, ...] = (
 )
 START_ROUNDING = 1e-5
 """Of coordinates in float32, amply and relative: camera rays that begin so near a shape may begin in it."""
+CONTACT_ROUNDING = 1e-5
+"""Of coordinates in float32, amply and relative: shapes that are so near each other may touch."""
+FACE_ROUNDING = 2e-6
+"""Of coordinates in float32, relative: how far apart rays find faces that coincide, but at the flattest slants."""
 FILM_MAX = 1e6
 """Of lengths of a perspective camera's film over its focal length: float32 cannot tell flatter rays from each other."""
 APERTURE_UNIT = 0.1
@@ -598,6 +603,13 @@ class Solid:
             _check_matrix(self.name, "closing", self.closing)
 
 
+NO_VOLUME = (
+    "a medium needs a closed mesh, and of this one the faces are there twice, facing both ways: it encloses no volume"
+)
+DOUBLED_FACES = "faces of the mesh of a medium are there twice, facing both ways, and bound nothing; they are left out"
+INWARD_SHELL = "a part of the mesh of a medium faces inwards with nothing around it; it is turned"
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """A triangle mesh: in world space, or in that of its instances.
@@ -607,7 +619,8 @@ class Mesh:
         points: (n, 3) float, finite.
         triangles: (m, 3) int32 indices into points; counter-clockwise seen from outside.
         surface: as for `Solid`.
-        medium: index into `Scene.media`, or None. The mesh must then be closed.
+        medium: index into `Scene.media`, or None. The mesh must then be closed: it fills what is in any of its shells
+            but not in their cavities, which face inwards. A shell that faces inwards with nothing around it is turned.
         normals: (m, 3, 3) float32, unit shading normals at the corners of each triangle; None: the triangles' own.
         primvars: name to (1, 1, k), (m, 1, k) or (m, 3, k) float32, the values of the whole mesh, of each triangle, or
             at the corners of each, between which they are interpolated.
@@ -617,7 +630,7 @@ class Mesh:
 
     Raises:
         SceneError: for points that are not finite, indices out of range, or a medium in a mesh that is not
-            closed (an edge that two triangles do not share in opposite directions).
+            closed (an edge that two triangles do not share in opposite directions) or encloses no volume.
     """
 
     name: str
@@ -630,6 +643,7 @@ class Mesh:
     instance: int = -1
     light_links: int = 0
     shadow_links: int = 0
+    _shells: Shells = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.points.ndim != 2 or self.points.shape[1] != 3 or not _is_finite(self.points):
@@ -648,12 +662,52 @@ class Mesh:
                     f"and ({count}, 3, k)"
                 )
         if self.medium is not None:
-            open_edges = count_open_edges(self.points, self.triangles)
+            corners = weld(self.points)[self.triangles]
+            open_edges = int(count_unmatched(corners).sum())
             if open_edges:
                 raise OpenMeshError(
                     f"{self.name}: a medium needs a closed mesh, and this one has {open_edges} open or "
                     "inconsistently oriented edges"
                 )
+            object.__setattr__(self, "_shells", find_shells(self.points, self.triangles, corners))
+            if not self._shells.count:
+                raise OpenMeshError(f"{self.name}: {NO_VOLUME}")
+
+    @cached_property
+    def bodies(self) -> tuple[Mesh, ...]:
+        """The mesh, or where shells of it overlap, nest or touch, meshes of which none has such."""
+        if self.medium is None or not lets_light_through(self.surface) or self._shells.are_plain:
+            return (self,)
+        found = []
+        for group in range(self._shells.count):
+            chosen = np.flatnonzero(self._shells.groups == group)
+            corners = np.where(self._shells.turned[chosen, None], [2, 1, 0], [0, 1, 2])
+
+            def part(values: np.ndarray, chosen: np.ndarray = chosen, corners: np.ndarray = corners) -> np.ndarray:
+                rows = values if len(values) == 1 else values[chosen]
+                return rows if rows.shape[1] == 1 else np.take_along_axis(rows, corners[..., None], axis=1)
+
+            found.append(
+                replace(
+                    self,
+                    triangles=np.take_along_axis(self.triangles[chosen], corners, axis=1),
+                    normals=None if self.normals is None else part(self.normals),
+                    primvars={name: part(values) for name, values in self.primvars.items()},
+                )
+            )
+        return tuple(found)
+
+    @cached_property
+    def mended(self) -> tuple[str, ...]:
+        """What had to be done for the mesh to bound its medium, one sentence each."""
+        if self.medium is None or not lets_light_through(self.surface):
+            return ()
+        found = []
+        if self._shells.turned.any():
+            found.append(INWARD_SHELL)
+        if (self._shells.groups < 0).any():
+            found.append(DOUBLED_FACES)
+        return tuple(found)
 
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -755,6 +809,20 @@ Shape = Solid | Mesh | Instances
 def count_of(shape: Shape) -> int:
     """In how many places it is."""
     return shape.count if isinstance(shape, Instances) else 1
+
+
+def lets_light_through(surface: Surface | None) -> bool:
+    """True where light crosses what has this surface."""
+    return surface is None or surface.may_be_transparent
+
+
+def bodies_of(shape: Shape) -> tuple[Shape, ...]:
+    """The shape, or in the place of a mesh whose shells overlap, nest or touch those that it is made of."""
+    if isinstance(shape, Instances):
+        mesh = shape.prototype
+        of_mesh = mesh.bodies if isinstance(mesh, Mesh) else (mesh,)
+        return tuple(shape if body is mesh else replace(shape, prototype=body) for body in of_mesh)
+    return shape.bodies if isinstance(shape, Mesh) else (shape,)
 
 
 MANY_SOLIDS = 100
@@ -1036,7 +1104,7 @@ class Scene:
 
     Args:
         camera: where the picture is taken from.
-        shapes: surfaces and boundaries of media.
+        shapes: surfaces and boundaries of media; of meshes of media their `bodies_of`.
         media: what `shapes` refer to by index.
         lights: the scene's light sources.
         meters_per_unit: of the stage, > 0; carried into the headers of files.
@@ -1054,6 +1122,7 @@ class Scene:
     source: str = field(default="")
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "shapes", tuple(body for shape in self.shapes for body in bodies_of(shape)))
         for shape in self.shapes:
             if shape.medium is not None and not 0 <= shape.medium < len(self.media):
                 raise SceneError(f"{shape.name}: medium {shape.medium} is not one of the scene's {len(self.media)}")
@@ -1124,6 +1193,24 @@ class Scene:
             if is_varied and (low <= highest + margin).all() and (high >= lowest - margin).all():
                 varied.append(shape)
         return tuple(varied)
+
+    @cached_property
+    def neighbours(self) -> tuple[Shape, ...]:
+        """Shapes filled with one medium that may touch or overlap each other: by boxes, so rather too many."""
+        filled = [k for k, shape in enumerate(self.shapes) if shape.medium is not None]
+        if len(filled) > MAX_CONTAINERS:  # Nothing renders that.
+            return ()
+        found = set()
+        for a, b in combinations(filled, 2):
+            if self.shapes[a].medium == self.shapes[b].medium and boxes_meet(self.bounds[a], self.bounds[b]):
+                found |= {a, b}
+        return tuple(self.shapes[k] for k in sorted(found))
+
+    @property
+    def contact_rounding(self) -> float:
+        """How far apart rays may find boundaries of `neighbours` that coincide [stage unit]."""
+        corners = [shape_bounds(shape) for shape in self.neighbours]
+        return FACE_ROUNDING * float(np.abs(corners).max(initial=0))
 
     def frozen_share(self, index: int, medium: Medium) -> float:
         """The share of paths for which a medium in the place of number `index` is frozen; 0 where it fills nothing.
@@ -1222,10 +1309,17 @@ def points_in(instances: Instances, point: np.ndarray) -> np.ndarray:
     return local[:, :3, 0]
 
 
+def boxes_meet(first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]) -> bool:
+    """True where two boxes, given by lowest and highest corners, overlap or touch, if only by rounding."""
+    (low, high), (lowest, highest) = first, second
+    margin = CONTACT_ROUNDING * max(np.abs(corner).max() for corner in (low, high, lowest, highest))
+    return bool((low <= highest + margin).all() and (high >= lowest - margin).all())
+
+
 def encloses(shape: Shape, point: np.ndarray) -> bool:
     """True where the point, (3,) float64 in world space, lies in the closed shape when the shutter opens."""
     if isinstance(shape, Mesh):
-        return winding_number(shape.points, shape.triangles, point) > 0.5
+        return any(winding_number(body.points, body.triangles, point) > 0.5 for body in shape.bodies)
     if isinstance(shape, Instances):
         return any(encloses(shape.prototype, local) for local in points_in(shape, point))
     x, y, z = np.linalg.solve(shape.object_to_world, np.append(point, 1.0))[:3]
@@ -1234,20 +1328,6 @@ def encloses(shape: Shape, point: np.ndarray) -> bool:
     if shape.kind == "cube":
         return bool(max(abs(x), abs(y), abs(z)) < 1)
     return bool(x * x + y * y < 1 and abs(z) < 1)
-
-
-def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:
-    """How often a closed mesh winds around a point: 1 inside, 0 outside (van Oosterom and Strackee 1983)."""
-    a, b, c = (np.asarray(points, dtype=np.float64)[triangles[:, corner]] - point for corner in range(3))
-    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-    denominator = (
-        la * lb * lc
-        + np.einsum("ij,ij->i", a, b) * lc
-        + np.einsum("ij,ij->i", b, c) * la
-        + np.einsum("ij,ij->i", c, a) * lb
-    )
-    return float(np.arctan2(volume, denominator).sum() / (2 * math.pi))
 
 
 def count_open_edges(points: np.ndarray, triangles: np.ndarray) -> int:
@@ -1262,16 +1342,7 @@ def count_open_edges(points: np.ndarray, triangles: np.ndarray) -> int:
     Returns:
         0 for a closed, consistently oriented mesh.
     """
-    _, welded = np.unique(np.asarray(points), axis=0, return_inverse=True)
-    corners = welded.reshape(-1)[np.asarray(triangles)]
-    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]).astype(np.int64)
-    edges = edges[edges[:, 0] != edges[:, 1]]
-    n = len(points)
-    forward, forward_count = np.unique(edges[:, 0] * n + edges[:, 1], return_counts=True)
-    backward, backward_count = np.unique(edges[:, 1] * n + edges[:, 0], return_counts=True)
-    shared, at_forward, at_backward = np.intersect1d(forward, backward, assume_unique=True, return_indices=True)
-    matched = np.minimum(forward_count[at_forward], backward_count[at_backward]).sum() if len(shared) else 0
-    return int(len(edges) - matched)
+    return int(count_unmatched(weld(points)[triangles]).sum())
 
 
 @lru_cache(64)

@@ -89,7 +89,8 @@ def upload(
     containers = [shape for shape in shapes if shape.medium is not None]
     if len(containers) > MAX_CONTAINERS:
         raise UnsupportedFeatureError(
-            f"{scene.source}: {len(containers)} shapes are filled with media; accepted: at most {MAX_CONTAINERS}"
+            f"{scene.source}: {len(containers)} shapes are filled with media, of meshes each layer of shells that "
+            f"overlap or touch; accepted: at most {MAX_CONTAINERS}"
         )
     hanging = set(solids_in_tree(shapes))
     solids = [shape for shape in shapes if isinstance(shape, Solid) and shape not in hanging]
@@ -115,7 +116,7 @@ def upload(
     data.media_count = len(scene.media)
     data.tables = rows.upload(device)
     iors = indices_of_refraction(containers)
-    data.containers = wp.array([_container(s, scene, iors) for s in containers], dtype=medium.Container, device=device)
+    data.containers = wp.array(_containers(containers, scene, iors), dtype=medium.Container, device=device)
     if Aov.MOTION in settings.aovs:
         data.surface_drifts = _drifts(surfaced, device)
         data.container_drifts = _drifts(containers, device)
@@ -124,6 +125,7 @@ def upload(
     low, high = scene.camera.start_bounds(settings.width, settings.height)
     inside = containers_around((low + high) / 2, containers)
     data.camera_inside = wp.uint32(inside)
+    data.contact_rounding = scene.contact_rounding
     data.camera_ior = _ior_around(inside, containers, scene)
     if scene.shapes_around_starts(settings.width, settings.height):
         lows, highs = zip(*(shape_bounds(shape) for shape in containers), strict=True)
@@ -274,6 +276,17 @@ def _mixture(line: LineLaw, longest_depth: float) -> RateMixture:
     if line.exact_fbm is not None:
         return mix_exact_rates(line.exact_fbm, longest_depth)
     return mix_rates(line.b, line.kappa)
+
+
+def _containers(shapes: Sequence[Shape], scene: Scene, iors: Sequence[float]) -> list[Any]:
+    rows, met = [], set()
+    for bit, shape in enumerate(shapes):
+        row = _container(shape, scene, iors)
+        # Each body has rates of its own; 0 is the address of what belongs to no medium.
+        row.rates = 1 + (len(scene.media) + bit if shape.medium in met else row.medium)
+        met.add(shape.medium)
+        rows.append(row)
+    return rows
 
 
 def _container(shape: Shape, scene: Scene, iors: Sequence[float]) -> Any:

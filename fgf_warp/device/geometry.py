@@ -28,6 +28,8 @@ MARGIN = wp.constant(1.0e-6)
 """Relative distance that a scattering event keeps from the face of a mesh ahead."""
 OFFSET = wp.constant(4.0e-6)
 """Relative step off a surface: some fifty units in the last place of the coordinates."""
+TOUCH = wp.constant(1.0e-5)
+"""Relative distance between crossings that are one: by which rounding parts faces that coincide, at slants too."""
 
 
 @wp.struct
@@ -64,6 +66,8 @@ class Start:
     """In [0, 1): from the opening of the shutter to its closing."""
     casters: wp.uint32
     """Of a connection to a light whose shadows some shapes cast: its bit; 0: all cast them."""
+    entered: wp.uint32
+    """Those of `inside` that were entered at the last crossing or within rounding of it."""
 
 
 @wp.struct
@@ -147,6 +151,14 @@ def casts_shadow(shadow_links: wp.uint32, casters: wp.uint32) -> bool:
 def coordinate_reach(position: wp.vec3, t: float) -> float:
     """Size of the coordinates along a ray up to t: rounding moves a point of it by some 1e-7 of that."""
     return wp.max(wp.max(wp.abs(position[0]), wp.abs(position[1])), wp.abs(position[2])) + t
+
+
+@wp.func(inline=True)
+def entered_at(start: Start, container: int, origin: wp.vec3, t: float, rounding: float) -> wp.uint32:
+    """`Start.entered` after the boundary of one is crossed at t; `rounding` is that of boundaries, beside the ray's."""
+    beyond = cross_boundary(start.inside, container)
+    is_near = t - start.t_min <= TOUCH * coordinate_reach(origin, t) + rounding
+    return wp.where(is_near, start.entered, wp.uint32(0)) | (beyond & (beyond ^ start.inside))
 
 
 @wp.func(inline=True)

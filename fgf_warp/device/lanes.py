@@ -95,6 +95,8 @@ class Path:
     seen_at: wp.vec3
     container: int
     """Whose medium it scatters in, where media differ."""
+    body: int
+    """The container that it came into its medium by, whose `rates` it has; -1: to be found when it flies."""
     direct: wp.vec3
     """The part of `radiance` that came before a second scattering event."""
 
@@ -185,8 +187,12 @@ def slots(features: Any) -> dict[str, int]:
         sizes |= {"transmits": 1, "squeeze": 1}
     if features.chromatic:
         sizes |= {"channel": 1, "length": 1, "channel_pdfs": 3}
+    if features.contacts:
+        sizes |= {"entered": 1}
     if features.frozen:
         sizes |= {"rates": 3 if features.chromatic else 1}
+        if features.lone_law == "":
+            sizes |= {"body": 1}
     if features.aovs & FIRST_AOVS:
         sizes |= {"first_depth": 1, "first_transmittance": 3, "first_albedo": 3, "has_met_medium": 1}
     if features.aovs & PRIM_AOVS and features.media and features.lone_law == "":
@@ -458,6 +464,10 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
                 path.rates = get3(lanes, wp.static(at["rates"]), i)
             else:
                 path.rates = wp.vec3(get(lanes, wp.static(at["rates"]), i))
+        if wp.static("entered" in at):
+            path.start.entered = wp.uint32(get_int(lanes, wp.static(at["entered"]), i))
+        if wp.static("body" in at):
+            path.body = get_int(lanes, wp.static(at["body"]), i)
         if wp.static("first_depth" in at):
             path.first_depth = get(lanes, wp.static(at["first_depth"]), i)
             path.first_transmittance = get3(lanes, wp.static(at["first_transmittance"]), i)
@@ -580,6 +590,10 @@ def build_lanes(features: Any) -> tuple[Any, Any]:
                 put3(lanes, wp.static(at["rates"]), i, path.rates)
             else:
                 put(lanes, wp.static(at["rates"]), i, path.rates[0])
+        if wp.static("entered" in at):
+            put_int(lanes, wp.static(at["entered"]), i, wp.int32(path.start.entered))
+        if wp.static("body" in at):
+            put_int(lanes, wp.static(at["body"]), i, path.body)
         if wp.static("first_depth" in at):
             put(lanes, wp.static(at["first_depth"]), i, path.first_depth)
             put3(lanes, wp.static(at["first_transmittance"]), i, path.first_transmittance)

@@ -1,5 +1,7 @@
 """Media and the containers they fill."""
 
+from typing import Any
+
 import warp as wp
 
 from fgf_warp.device.geometry import is_inside
@@ -45,6 +47,8 @@ class Container:
     """Index of refraction, where light enters through its surface; 0: its boundary refracts nothing."""
     ior_number: int
     """Of `ior` among the scene's; 0 is empty space."""
+    rates: int
+    """Address, among the random numbers of a whole path, of the rates at which it is frozen there."""
 
 
 @wp.func(inline=True)
@@ -96,6 +100,31 @@ def medium_at(containers: wp.array(dtype=Container), inside: wp.uint32) -> int:
     if container >= 0:
         medium = containers[container].medium
     return medium
+
+
+def build_carries_on(features: Any) -> Any:
+    """The function that tells in a scene of these features whether a medium goes on where a boundary is crossed.
+
+    It has the arguments (containers, medium, inside, beyond, entered): the medium before it, the path's containers
+    before and after, and `Start.entered` after. A medium goes on in what is around the path on both sides. So a body
+    that ends where another of the same medium begins does not go on in that: they touch, and are two media; one that
+    overlaps it by more than rounding does.
+    """
+
+    @wp.func
+    def carries_on(
+        containers: wp.array(dtype=Container), medium: int, inside: wp.uint32, beyond: wp.uint32, entered: wp.uint32
+    ) -> bool:
+        is_same = medium_at(containers, beyond) == medium
+        if wp.static(features.contacts):
+            if is_same and (inside & beyond) != inside:
+                lasting = beyond & (beyond ^ entered)
+                is_same = bool(False)
+                for i in range(containers.shape[0]):
+                    is_same = is_same or (is_inside(lasting, i) and containers[i].medium == medium)
+        return is_same
+
+    return carries_on
 
 
 @wp.func

@@ -160,6 +160,68 @@ def test_a_medium_turned_inside_out_is_mended_with_a_warning(read) -> None:
     assert "the mesh of a medium is inside out, and was turned: /Shape" in reading.warnings
 
 
+QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+"""Of a cube whose corners are (-1, -1, -1), (-1, -1, 1), (-1, 1, -1), ..."""
+
+
+def mesh_of(points, faces) -> str:
+    counts, indices = [len(face) for face in faces], [corner for face in faces for corner in face]
+    listed = [tuple(map(float, point)) for point in points]
+    return bound(
+        "Mesh",
+        f"""point3f[] points = {listed}
+    int[] faceVertexCounts = {counts}
+    int[] faceVertexIndices = {indices}
+    uniform token subdivisionScheme = "none"
+""",
+    )
+
+
+def bent_cube(scale=1.0, at=(0, 0, 0)) -> np.ndarray:
+    """(8, 3), of which no quad is flat."""
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    return scale * (corners + np.random.default_rng(2).uniform(-0.2, 0.2, (8, 3))) + np.array(at)
+
+
+def test_a_mesh_whose_faces_are_all_there_twice_is_refused(read) -> None:
+    """Though each of two opposite quads is cut along its own diagonal, so that they bound slivers."""
+    with pytest.raises(SceneError, match=r"/Shape: .* there twice, facing both ways: it encloses no volume"):
+        read(mesh_of(bent_cube(), [*QUADS, *(np.roll(face[::-1], 1).tolist() for face in QUADS)]))
+
+
+def test_faces_that_are_there_twice_beside_others_are_left_out(read) -> None:
+    points = [*bent_cube(), (3, 3, 0)]
+    flap = [(7, 6, 4, 8), (8, 4, 6, 7)]
+    reading = read(mesh_of(points, [*QUADS, *flap]))
+    assert any("bound nothing; they are left out: /Shape" in text for text in reading.warnings)
+    (mesh,) = reading.scene.shapes
+    assert len(mesh.triangles) == 12
+    with pytest.raises(SceneError, match="/Shape: faces of the mesh of a medium are there twice"):
+        read(mesh_of(points, [*QUADS, *flap]), strict=True)
+
+
+def test_shells_of_a_mesh_that_overlap_are_shapes_of_one_name(read) -> None:
+    points = [*bent_cube(), *bent_cube(at=(0.5, 0, 0))]
+    second = [tuple(corner + 8 for corner in face) for face in QUADS]
+    reading = read(mesh_of(points, [*QUADS, *second]))
+    assert [shape.name for shape in reading.scene.shapes] == ["/Shape", "/Shape"]
+    assert reading.scene.prims == ("/Shape",)
+    assert reading.warnings == ()
+    inwards = [face[::-1] for face in second]
+    (cavity,) = read(mesh_of([*bent_cube(), *bent_cube(0.5)], [*QUADS, *inwards])).scene.shapes
+    assert len(cavity.triangles) == 24
+
+
+def test_a_part_that_faces_inwards_alone_is_turned_with_a_warning(read) -> None:
+    points = [*bent_cube(), *bent_cube(0.5, at=(4, 0, 0))]
+    inwards = [tuple(corner + 8 for corner in face[::-1]) for face in QUADS]
+    reading = read(mesh_of(points, [*QUADS, *inwards]))
+    (mesh,) = reading.scene.shapes
+    assert any("faces inwards with nothing around it; it is turned: /Shape" in text for text in reading.warnings)
+    both = signed_volume(mesh.points, mesh.triangles)
+    assert both == pytest.approx(signed_volume(mesh.points, mesh.triangles[:12]) * (1 + 0.5**3), rel=0.01)
+
+
 def test_a_medium_in_an_open_mesh_is_refused(read) -> None:
     with pytest.raises(SceneError, match=r"stage.usda: /Shape: a medium needs a closed mesh.* 3 open"):
         read(bound("Mesh", TETRAHEDRON + "int[] holeIndices = [3]"))

@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
 
-from fgf_warp.scene import Mesh
+from fgf_warp.errors import OpenMeshError
+from fgf_warp.scene import DOUBLED_FACES, NO_VOLUME, Mesh, lets_light_through
 from usd_scenes.reader.attributes import read_array, read_mended_token
 from usd_scenes.reader.cage import read_cage, read_places, read_points
 from usd_scenes.reader.context import StageContext
@@ -67,6 +68,11 @@ class Form:
         if name not in self._carried:
             self._carried[name] = self._carry(found)
         return self._carried[name]
+
+    @property
+    def doubled(self) -> np.ndarray | None:
+        """(m,) bool, the triangles of faces that are there twice, facing both ways; None: none are."""
+        return None
 
     def looks(self, prim: Usd.Prim, look_of: Callable[[Usd.Prim], Look]) -> list[Assignment]:
         """What the triangles are made of."""
@@ -135,6 +141,12 @@ class MeshForm(Form):
             return self._refinement.normals(self.points, self._corners)
         normals = self._authored_normals()
         return None if normals is None else self._unit_normals(normals)
+
+    @cached_property
+    def doubled(self) -> np.ndarray | None:
+        """Of polygons that were cut, each by its own diagonals: so their triangles do not tell it."""
+        doubled = doubled_faces(self._polygons.counts, self._polygons.indices)
+        return doubled[self._polygons.face_of_corner[self._corners[:, 0]]] if doubled.any() else None
 
     def looks(self, prim: Usd.Prim, look_of: Callable[[Usd.Prim], Look]) -> list[Assignment]:
         """One look for each GeomSubset that binds a material, and one for the faces that are left."""
@@ -277,8 +289,16 @@ def build_part(form: Form, prim: Usd.Prim, assignment: Assignment, without: Coll
 
     Returns:
         The part, which shares the arrays of `form` where it is all of it.
+
+    Raises:
+        OpenMeshError: for a medium in a mesh whose faces are all there twice, facing both ways.
     """
     look, chosen = assignment.look, assignment.triangles
+    if look.medium is not None and lets_light_through(look.surface) and form.doubled is not None:
+        chosen = ~form.doubled if chosen is None else chosen & ~form.doubled
+        if not chosen.any():
+            raise OpenMeshError(f"{assignment.name}: {NO_VOLUME}")
+        form.context.mend(DOUBLED_FACES, assignment.name)
     normals = form.normals if look.surface else None
     names = sorted(look.surface.primvars) if look.surface else []
     primvars = {
@@ -298,6 +318,33 @@ def build_part(form: Form, prim: Usd.Prim, assignment: Assignment, without: Coll
         return part
     form.context.notes.add("the mesh of a medium is inside out, and was turned", assignment.name)
     return part.turned()
+
+
+def doubled_faces(counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
+    """(f,) bool, the faces of more than three corners that are there facing both ways, pair by pair.
+
+    Args:
+        counts: (f,) int, corners of each face.
+        indices: (sum(counts),) int, the points at the corners of all faces.
+    """
+    doubled = np.zeros(len(counts), dtype=bool)
+    starts = np.cumsum(counts) - counts
+    for count in np.unique(counts[counts > 3]):
+        faces = np.flatnonzero(counts == count)
+        loops = indices[starts[faces, None] + np.arange(count)]
+        # From the lowest point on, and to its lower neighbour first.
+        loops = np.take_along_axis(loops, (loops.argmin(axis=1)[:, None] + np.arange(count)) % count, axis=1)
+        is_turned = loops[:, 1] > loops[:, -1]
+        loops = np.where(is_turned[:, None], np.roll(loops[:, ::-1], 1, axis=1), loops)
+        number = np.unique(loops, axis=0, return_inverse=True)[1].reshape(-1)
+        order = np.lexsort((is_turned, number))
+        number, turned = number[order], is_turned[order]
+        turned_count = np.bincount(number, weights=turned).astype(int)[number]
+        total = np.bincount(number)[number]
+        nth = np.arange(len(order)) - np.searchsorted(number, number)
+        nth = np.where(turned, nth - (total - turned_count), nth)
+        doubled[faces[order]] = nth < np.minimum(turned_count, total - turned_count)
+    return doubled
 
 
 def read_corners(prim: Usd.Prim, context: StageContext) -> np.ndarray:

@@ -144,6 +144,7 @@ class ShapeReader:
                 else:
                     if id(found.part) not in meshes:
                         meshes[id(found.part)] = found.part.mesh()
+                        self._tell_mended(meshes[id(found.part)])
                     mesh, places = meshes[id(found.part)], self._with_volume(found.places)
                     parted = [places] if mesh.medium is None else places.one_by_one()
                     shapes.extend((path, part.of(mesh)) for part in parted if len(part.numbers))
@@ -153,7 +154,12 @@ class ShapeReader:
         """In the world, in its only place."""
         own = {name: values[None] for name, values in places.primvars.items()}
         mesh = part.moved(places.matrices[0][0]).mesh(int(places.numbers[0]))
+        self._tell_mended(mesh)
         return replace(mesh, primvars={**mesh.primvars, **own}) if own else mesh
+
+    def _tell_mended(self, mesh: Mesh) -> None:
+        for text in mesh.mended:
+            self._context.mend(text, mesh.name)
 
     def _solids(self, met: Met, canonical: Canonical) -> Iterator[Shape]:
         kind, to_prim = canonical

@@ -8,7 +8,7 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdShade, UsdValidation
 
 from fgf_warp.errors import FgfError, OpenMeshError, SceneError
-from fgf_warp.scene import MAX_CONTAINERS, Camera, Light, encloses, shape_bounds
+from fgf_warp.scene import MAX_CONTAINERS, Camera, Light, bodies_of, encloses, shape_bounds
 from usd_scenes import schema
 from usd_scenes.reader.stage import StageSurvey, survey_stage
 from usd_scenes.validation.compartments import (
@@ -54,7 +54,7 @@ def _refusal(stage: Usd.Stage, problem: FgfError) -> UsdValidation.ValidationErr
 
 
 def _count(stage: Usd.Stage, survey: StageSurvey) -> Errors:
-    count = sum(shape.medium is not None for shape in survey.shapes)
+    count = sum(len(bodies_of(shape)) for shape in survey.shapes if shape.medium is not None)
     if count > MAX_CONTAINERS:
         text = f"{count} shapes are filled with media, each instance by itself; accepted: at most {MAX_CONTAINERS}"
         yield error("TooManyFilledShapes", stage.GetPseudoRoot(), text)
