@@ -643,7 +643,6 @@ class Mesh:
     instance: int = -1
     light_links: int = 0
     shadow_links: int = 0
-    _shells: Shells = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.points.ndim != 2 or self.points.shape[1] != 3 or not _is_finite(self.points):
@@ -662,16 +661,25 @@ class Mesh:
                     f"and ({count}, 3, k)"
                 )
         if self.medium is not None:
-            corners = weld(self.points)[self.triangles]
-            open_edges = int(count_unmatched(corners).sum())
+            open_edges = int(count_unmatched(self._welded).sum())
             if open_edges:
                 raise OpenMeshError(
                     f"{self.name}: a medium needs a closed mesh, and this one has {open_edges} open or "
                     "inconsistently oriented edges"
                 )
-            object.__setattr__(self, "_shells", find_shells(self.points, self.triangles, corners))
             if not self._shells.count:
                 raise OpenMeshError(f"{self.name}: {NO_VOLUME}")
+            del self.__dict__["_welded"]  # As large as the mesh, and of no further use.
+
+    @cached_property
+    def _welded(self) -> np.ndarray:
+        """(m, 3) int, the triangles with one number for points that coincide."""
+        return weld(self.points)[self.triangles]
+
+    @cached_property
+    def _shells(self) -> Shells:
+        """Of a mesh that a medium fills."""
+        return find_shells(self.points, self.triangles, self._welded)
 
     @cached_property
     def bodies(self) -> tuple[Mesh, ...]:

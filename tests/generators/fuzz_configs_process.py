@@ -60,7 +60,7 @@ def written(folder: Path) -> dict[str, str]:
     try:
         below = folder / "dataset"
         below.mkdir()
-        (below / "config.yaml").write_bytes(loaded.to_bytes(below))
+        (below / "config.yaml").write_bytes(loaded.to_bytes())
         again = load_config(below / "config.yaml")
         plan.to_bytes()
     except Exception as error:
