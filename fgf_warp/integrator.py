@@ -839,7 +839,7 @@ def build_program(features: RenderFeatures) -> Program:
             gate = hit.item
         if wp.static(refracts):
             if hit.kind == SURFACE:
-                gate = scene.shading[0].looks[hit.item].container
+                gate = look_at_item(scene, hit.item).container
         return gate
 
     @wp.func(inline=True)
