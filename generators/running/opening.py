@@ -59,7 +59,7 @@ def opened(
             _refuse_other_content(plan, store)
             if store.folder:
                 _refuse_held_samples(plan, store.folder / layout.RUN, shard, indices)
-                store.clear_way(f"{layout.RUN}/{_shard_lock(shard)}")
+                store.clear_way(f"{layout.RUN}/{_shard_lock(shard)}", even_links=True)
                 held.enter_context(hold(store.folder / layout.RUN / _shard_lock(shard), wait=False))
             store.sweep([layout.sample_name(index) for index in indices])
             if config is not None and store.exists(layout.PLAN):
@@ -95,7 +95,7 @@ def sole(store: Store, *, makes: bool = False) -> Iterator[None]:
         raise OutputError(f"{store.location}: cannot be made a dataset's folder: {error.strerror}") from error
     lock = f"{layout.RUN}/{SHORT_LOCK}"
     store.make_folder(layout.RUN)
-    store.clear_way(lock)
+    store.clear_way(lock, even_links=True)
     with hold(store.folder / lock, wait=True):
         yield
 

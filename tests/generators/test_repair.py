@@ -221,3 +221,48 @@ def test_a_single_sample_is_rendered_again_elsewhere(folder, tmp_path):
     refused = CliRunner().invoke(app, ["generate", str(folder / "config.yaml"), "--sample", "6"])
     assert refused.exit_code == 2
     assert "--sample 6: accepted: 0 to 5" in refused.stderr
+
+
+def test_links_out_of_a_dataset_are_moved_aside_and_never_written_through(folder, tmp_path):
+    """In the place of a sample's folder, of a split's, of a file, and of what a run appends to."""
+    before = content(folder)
+    theirs = tmp_path / "theirs"
+    theirs.mkdir()
+    for name in ("radiance.exr", "notes.txt", "events.jsonl"):
+        (theirs / name).write_text("mine")
+    shutil.rmtree(folder / SAMPLES[1])
+    (folder / SAMPLES[1]).symlink_to(theirs)
+    (folder / SAMPLES[2] / "radiance.exr").unlink()
+    (folder / SAMPLES[2] / "radiance.exr").symlink_to(theirs / "notes.txt")
+    looked = CliRunner().invoke(app, ["verify", str(folder)])
+    assert f"{SAMPLES[1]}: a link that is not of the dataset" in looked.stdout
+    outcome = repair(folder)
+    assert outcome.exit_code == 0, outcome.output
+    assert (folder / f"{SAMPLES[1]}.aside").readlink() == theirs
+    (folder / f"{SAMPLES[1]}.aside").unlink()
+    assert content(folder) == before
+    shutil.rmtree(folder / "data/train")
+    (folder / "data/train").symlink_to(theirs)
+    (folder / "run/events.jsonl").unlink(missing_ok=True)
+    (folder / "run/events.jsonl").symlink_to(theirs / "events.jsonl")
+    (folder / "run/lock").unlink()
+    (folder / "run/lock").symlink_to(theirs / "lock")
+    again = CliRunner().invoke(app, ["generate", str(folder)])
+    assert again.exit_code == 0, again.output
+    assert {path.name: path.read_text() for path in theirs.iterdir()} == dict.fromkeys(
+        ("radiance.exr", "notes.txt", "events.jsonl"), "mine"
+    )
+    (folder / "data/train.aside").unlink()
+    assert content(folder) == before
+
+
+def test_a_table_of_a_split_that_the_plan_does_not_have_is_of_someone_else(folder):
+    before = content(folder)
+    (folder / "data/test").mkdir()
+    (folder / "data/test/metadata.parquet").write_text("mine")
+    flip(folder / "README.md")
+    looked = CliRunner().invoke(app, ["verify", str(folder)])
+    assert "1 damaged, 1 surplus" in looked.stdout
+    assert repair(folder).exit_code == 0
+    assert (folder / "data/test/metadata.parquet").read_text() == "mine"
+    assert content(folder) == before

@@ -106,6 +106,15 @@ def other_name(document):
     document["name"] = "something else"
 
 
+def many_urls(document):
+    document["distribution"][0]["contentUrl"] = ["index.parquet", {}]
+
+
+def table_of_no_split(document):
+    listed = next(one for one in document["distribution"] if one.get("contentUrl") == "data/test/metadata.parquet")
+    document["distribution"].append({**listed, "contentUrl": "data/other/metadata.parquet"})
+
+
 def no_list(document):
     document["distribution"] = {"files": []}
 
@@ -114,7 +123,10 @@ def other_column(document):
     document["recordSet"][-1]["field"][3]["description"] = "something else"
 
 
-CHANGES = (other_url, url_of_another, without_a_hash, without_a_file, other_size, other_name, no_list, other_column)
+CHANGES = (
+    *(other_url, url_of_another, many_urls, table_of_no_split, without_a_hash, without_a_file),
+    *(other_size, other_name, no_list, other_column),
+)
 
 
 @pytest.mark.parametrize("change", CHANGES)
