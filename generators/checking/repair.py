@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from fgf_warp.errors import ConfigError, CorruptFileError
-from generators.checking.findings import Kind, Verification
+from fgf_warp.errors import ConfigError, CorruptFileError, FgfError
+from generators.checking.findings import Kind, Verification, name_ranges
 from generators.checking.published import read_labels
 from generators.checking.verify import verify_dataset
 from generators.dataset import layout
-from generators.dataset.plan_table import INDEX
+from generators.dataset.plan_table import INDEX, read_plan
 from generators.dataset.reader import Dataset
 from generators.dataset.record import STAGES_COME_BACK, decode_record
 from generators.dataset.scene_files import config_file
@@ -56,7 +56,7 @@ def repair_dataset(location: str, found: Verification) -> Iterator[str]:
 
     Raises:
         ConfigError: where a run is under way, or where the config plans something else.
-        SceneError: where the stage is not there.
+        SceneError: where the stage is not accepted.
         OutputError: where a file cannot be written.
     """
     _refuse_run(Store(location))
@@ -64,15 +64,23 @@ def repair_dataset(location: str, found: Verification) -> Iterator[str]:
         restore_plan(location)
         yield f"made {layout.PLAN} anew"
         found = verify_dataset(Dataset(location))
+    elif any(finding.name == layout.CROISSANT for finding in found.of(Kind.DAMAGED)):
+        with suppress(FgfError):  # what cannot be planned now does not keep the rest from being healed
+            if _differs_from_config(Dataset(location)):
+                restore_plan(location)
+                yield f"made {layout.PLAN} anew, of which {layout.CROISSANT} could not tell that it had been changed"
     dataset = Dataset(location)
     notes = [finding for finding in found.of(Kind.DAMAGED) if finding.name.startswith(layout.FAILURES)]
     for useless in [*found.of(Kind.LEFTOVER), *notes]:
         dataset.store.remove(useless.name)
         yield f"removed {useless.name}"
-    for damaged in found.of(Kind.DAMAGED):
-        if damaged.name.startswith(f"{layout.SCENE}/"):
-            yield f"{damaged.name} cannot be made anew of the dataset alone: {STAGES_COME_BACK}"
-    yield from _render_damaged(dataset, found)
+    stages = [damaged.name for damaged in found.of(Kind.DAMAGED) if damaged.name.startswith(f"{layout.SCENE}/")]
+    for name in stages:
+        yield f"{name} cannot be made anew of the dataset alone: {STAGES_COME_BACK}"
+    if not stages:
+        yield from _render_damaged(dataset, found)
+    elif samples := found.damaged_samples():
+        yield f"samples that wait for the stages to be rendered again: {name_ranges(samples)}"
     if any(finding.name == layout.CARD for finding in found.of(Kind.DAMAGED)) and dataset.store.exists(layout.CARD):
         yield _keep_card(dataset.store)
     try:
@@ -145,6 +153,12 @@ def _plan(store: Store, digest: str | None) -> Plan:
         f"{store.location}/{layout.CONFIG}: plans another dataset than the one that is there (config, stage or version "
         "of FGF-Warp differ), so nothing can be made anew to the same bytes"
     )
+
+
+def _differs_from_config(dataset: Dataset) -> bool:
+    """Whether the plan that is there is another than its config makes, or says other things of it."""
+    meta, table = read_plan(_plan(dataset.store, dataset.meta.digest).to_bytes(), layout.PLAN)
+    return meta != dataset.meta or not table.equals(dataset.plan)
 
 
 def _recorded_digest(store: Store) -> str | None:

@@ -266,3 +266,31 @@ def test_a_table_of_a_split_that_the_plan_does_not_have_is_of_someone_else(folde
     assert repair(folder).exit_code == 0
     assert (folder / "data/test/metadata.parquet").read_text() == "mine"
     assert content(folder) == before
+
+
+def test_samples_of_a_damaged_stage_wait_for_it(folder, rendered):
+    before = content(folder)
+    flip(folder / SAMPLES[0] / "radiance.exr")
+    (stage,) = (folder / "scene").glob("*.usda")
+    stage.write_text(stage.read_text().replace("}", "", 1))
+    outcome = repair(folder)
+    assert outcome.exit_code == 4
+    assert "samples that wait for the stages to be rendered again: 0\n" in outcome.stdout
+    back = CliRunner().invoke(app, ["generate", str(rendered / "config.yaml"), "--out", str(folder)])
+    assert back.exit_code == 4, back.output  # the labels wait for the sample
+    assert repair(folder).exit_code == 0
+    assert content(folder) == before
+
+
+def test_a_changed_plan_is_seen_where_the_metadata_cannot_tell_of_it(folder):
+    before = content(folder)
+    path = folder / "plan.parquet"
+    table = pq.read_table(path)
+    ((key, said),) = table.schema.metadata.items()
+    pq.write_table(table.replace_schema_metadata({key: said.replace(b'"exposure": 0', b'"exposure": 3')}), path)
+    assert path.read_bytes() != before["plan.parquet"]
+    (folder / "croissant.json").unlink()
+    outcome = repair(folder)
+    assert outcome.exit_code == 0, outcome.output
+    assert "made plan.parquet anew" in outcome.stdout
+    assert content(folder) == before

@@ -365,3 +365,31 @@ def test_a_note_on_a_failure_that_is_damaged_is_named(tmp_path):
 def test_numbers_are_told_as_ranges():
     assert name_ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
     assert name_ranges([]) == ""
+
+
+def test_a_plan_without_samples_is_damaged(folder):
+    path = folder / layout.PLAN
+    pq.write_table(pq.read_table(path).slice(0, 0), path)
+    (found,) = findings(folder)
+    assert str(found) == "plan.parquet: is damaged; expected: the table of a plan"
+
+
+def test_a_finding_is_a_line_whatever_a_file_says(folder):
+    path = folder / layout.CROISSANT
+    document = json.loads(path.read_text())
+    document["distribution"][0]["contentUrl"] = "one\ntwo\x1b[31m"
+    path.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n")
+    lines = [str(finding) for finding in findings(folder)]
+    assert any("contentUrl one\\ntwo\\x1b[31m; expected" in line for line in lines)
+    assert all(line.isprintable() for line in lines)
+
+
+def test_a_plan_whose_bounds_are_no_numbers_is_damaged(folder):
+    path = folder / layout.PLAN
+    table = pq.read_table(path)
+    ((key, content),) = table.schema.metadata.items()
+    meta = json.loads(content)
+    meta["quality"]["spp"] = "many"
+    pq.write_table(table.replace_schema_metadata({key: json.dumps(meta)}), path)
+    (found,) = findings(folder)
+    assert str(found) == "plan.parquet: is damaged; expected: the table of a plan"
