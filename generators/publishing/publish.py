@@ -7,7 +7,6 @@ import pyarrow as pa
 from fgf_warp.output.color import write_png
 from generators.dataset import layout
 from generators.dataset.reader import Dataset
-from generators.dataset.scratch import scratch_folder
 from generators.publishing.card import write_card
 from generators.publishing.contact_sheet import draw_contact_sheet
 from generators.publishing.croissant import described_files, write_croissant
@@ -48,7 +47,8 @@ def _write_labels(dataset: Dataset, index: pa.Table) -> None:
 
 
 def _contact_sheet(dataset: Dataset, index: pa.Table) -> bytes:
-    with scratch_folder() as folder:
+    # What a run that is killed leaves of it lies with the dataset, whose next run removes it.
+    with dataset.store.workspace(layout.CONTACT_SHEET) as folder:
         path = folder / layout.CONTACT_SHEET
         write_png(path, draw_contact_sheet(dataset, index))
         return path.read_bytes()
