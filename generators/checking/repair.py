@@ -14,7 +14,7 @@ from generators.dataset import layout
 from generators.dataset.plan_table import INDEX, read_plan
 from generators.dataset.reader import Dataset
 from generators.dataset.record import STAGES_COME_BACK, decode_record
-from generators.dataset.scene_files import config_file
+from generators.dataset.scene_files import config_file, scene_problems
 from generators.dataset.store import Store
 from generators.publishing.publish import publish
 from generators.running.opening import shards_under_way, sole
@@ -33,11 +33,17 @@ def restore_plan(location: str) -> None:
 
     Raises:
         ConfigError: where there is no config, or where it plans something else than the samples that are there.
-        SceneError: where its stage is not there.
+        CorruptFileError: where its stage is damaged.
         OutputError: where it cannot be written.
     """
     store = Store(location)
     _refuse_run(store)
+    if problems := scene_problems(store):
+        name, found, _ = problems[0]
+        raise CorruptFileError(
+            f"{location}/{name}: {found}; {layout.PLAN} follows from it and is damaged too, so both cannot be made anew; "
+            "accepted: one of them from a copy of the dataset"
+        )
     store.write(layout.PLAN, _plan(store, _recorded_digest(store)).to_bytes())
 
 

@@ -136,7 +136,10 @@ def _refuse_other_content(plan: Plan, store: Store) -> None:
 def _check_plan(plan: Plan, store: Store) -> None:
     """Refuses to go on with a plan that has been changed, which would be published as if it were what was made."""
     content = store.read(layout.PLAN)
-    said = store.read(layout.CROISSANT) if store.exists(layout.CROISSANT) else b""
+    try:
+        said = store.read(layout.CROISSANT) if store.exists(layout.CROISSANT) else b""
+    except CorruptFileError:
+        said = b""  # such metadata tell nothing, and are written anew at the end
     sha256 = hashlib.sha256(content).hexdigest()
     (_, table), (_, own) = read_plan(content, layout.PLAN), read_plan(plan.to_bytes(), layout.PLAN)
     if claimed_hashes(said).get(layout.PLAN, sha256) != sha256 or not table.equals(own):

@@ -529,7 +529,7 @@ def test_a_scene_without_media_can_be_planned_and_not_swept(plan_of):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("constraints=[H < 0, H + 1]", "constraints[1]: with H = -0.4: H + 1 is 0.6; accepted: a comparison"),
+        ("constraints=[H < 0, H + 1]", "constraints[1]: with H = -0.4, g = -0.5: H + 1 is 0.6; accepted: a comparison"),
         ("axes.g={expression: 1 / (H + 0.4)}", "axes.g.expression: with H = -0.4: 1 / (H + 0.4) has no value: "),
         ("orbit={distance: 0}", "orbit.distance: found 0; accepted: greater than 0"),
         ("orbit={elevation: 90, distance: 1}", "orbit.elevation: found 90; accepted: less than or equal to 89.9"),

@@ -294,3 +294,24 @@ def test_a_changed_plan_is_seen_where_the_metadata_cannot_tell_of_it(folder):
     assert outcome.exit_code == 0, outcome.output
     assert "made plan.parquet anew" in outcome.stdout
     assert content(folder) == before
+
+
+def test_metadata_that_cannot_be_read_keep_no_stage_from_coming_back(folder, rendered):
+    before = content(folder)
+    with (folder / "croissant.json").open("r+b") as file:
+        file.truncate(2**32)
+    (folder / "scene/files.json").write_text("{}")
+    flip(folder / SAMPLES[0] / "radiance.exr")
+    assert repair(folder).exit_code == 4
+    CliRunner().invoke(app, ["generate", str(rendered / "config.yaml"), "--out", str(folder)])
+    assert repair(folder).exit_code == 0
+    assert content(folder) == before
+
+
+def test_plan_and_stage_that_are_both_damaged_are_told(folder):
+    flip(folder / "plan.parquet")
+    (stage,) = (folder / "scene").glob("*.usda")
+    stage.write_text("#usda 1.0")
+    outcome = repair(folder)
+    assert outcome.exit_code == 4
+    assert f"scene/{stage.name}: 9 bytes; plan.parquet follows from it and is damaged too" in outcome.stderr
