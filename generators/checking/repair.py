@@ -41,8 +41,8 @@ def restore_plan(location: str) -> None:
     if problems := scene_problems(store):
         name, found, _ = problems[0]
         raise CorruptFileError(
-            f"{location}/{name}: {found}; {layout.PLAN} follows from it and is damaged too, so both cannot be made anew; "
-            "accepted: one of them from a copy of the dataset"
+            f"{location}/{name}: {found}; {layout.PLAN} follows from it and is damaged too, "
+            "so both cannot be made anew; accepted: one of them from a copy of the dataset"
         )
     store.write(layout.PLAN, _plan(store, _recorded_digest(store)).to_bytes())
 
