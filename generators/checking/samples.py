@@ -90,10 +90,8 @@ def _unreached(record: Record, quality: Mapping[str, Any]) -> Iterator[tuple[str
     if target is None:
         yield f"{record.spp} samples per pixel", f"{most:g}, as planned"
     elif reached is None or reached > target:
-        yield (
-            f"standard error {'unknown' if reached is None else format(reached, '.4g')} at {record.spp} samples per pixel",
-            f"at most {target:g}",
-        )
+        error = "unknown" if reached is None else f"{reached:.4g}"
+        yield f"standard error {error} at {record.spp} samples per pixel", f"at most {target:g}"
 
 
 def read_note(dataset: Dataset, name: str, decode: Callable[[bytes, str], Note]) -> Note | str:
