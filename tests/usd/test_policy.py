@@ -80,6 +80,25 @@ def test_a_circle_is_left_open_where_it_closes(read) -> None:
     assert {"/A/S", "/B/S"} == {shape.name for shape in reading.scene.shapes}
 
 
+@pytest.mark.parametrize(
+    "broken", ["float xformOp:rotateXYZ = 3\n{}['xformOp:rotateXYZ']", "{}['xformOp:turn']"], ids=["value", "operation"]
+)
+def test_all_that_is_below_a_broken_transform_is_left_out(read, broken: str) -> None:
+    """USD tells it once for each time, and places what comes later without it."""
+    order = broken.format("uniform token[] xformOpOrder = ")
+    kinds = {"S": "Sphere", "C": "Cube", "L": "SphereLight"}
+    inside = "".join(f'def {kind} "{name}"\n{{\n}}\n' for name, kind in kinds.items())
+    prims = f'def Xform "A"\n{{\n{order}\ndef Xform "B"\n{{\n{inside}}}\n}}\n'
+    reading = read(BALL + prims)
+    assert [shape.name for shape in reading.scene.shapes] == ["/Ball"]
+    assert [light.name for light in reading.scene.lights] == ["/Dome"]
+    told = [text for text in reading.warnings if text.startswith("/A.xformOpOrder: Invalid")]
+    assert [text.rpartition("; ")[2] for text in told] == [
+        "the shape is left out: /A/B/S, /A/B/C",
+        "the light is left out: /A/B/L",
+    ]
+
+
 # Meshes
 
 

@@ -27,6 +27,12 @@ MEANT = [
     ("Mesh", 'uniform token subdivisionscheme = "none"', "subdivisionScheme"),
     ("Mesh", "point3f[] point = []", "points"),
     ("Xform", 'token visiblity = "invisible"', "visibility"),
+    ("Sphere", "color3f[] displayColor = [(1, 0, 0)]", "primvars:displayColor"),
+    ("Mesh", "color3f[] primvars:displaycolor = [(1, 0, 0)]", "primvars:displayColor"),
+    ("Xform", "float[] primvars:displayOpactiy = [0.5]", "primvars:displayOpacity"),
+    ("Cube", "rel material:Binding = </Look>", "material:binding"),
+    ("PointInstancer", "vector3f[] velocity = []", "velocities"),
+    ("GeomSubset", "int[] indexes = [0]", "indices"),
     ("RenderSettings", "int2 resolutoin = (4, 4)", "resolution"),
     ("RenderProduct", "float pixelaspectratio = 2", "pixelAspectRatio"),
 ]
@@ -77,6 +83,7 @@ def test_prims_with_one_fault_have_one_warning(read) -> None:
         ("SphereLight", "float intensity = 1\nfloat inputs:intensity = 1"),  # Both are written for readers old and new.
         ("SphereLight", "float ri:light:intensity = 1\nfloat karma:intensity = 1\nfloat inputs:arnold:exposure = 1"),
         ("Mesh", "int[] faceVertexCounts = []\nfloat[] primvars:point = []\nfloat userProperties:points = 1"),
+        ("Mesh", "color3f[] primvars:displayColor2 = []\nfloat[] primvars:radius = [1]\nfloat[] primvars:widths = [1]"),
         ("Xform", 'string comment = "mine"\nfloat weight = 3\ncustom float size = 2'),
         ("Camera", "float3[] extent = []\ndouble3 xformOp:translate = (0, 0, 0)"),
         ("RenderSettings", "int arnold:global:AA_samples = 3"),
@@ -87,6 +94,33 @@ def test_prims_with_one_fault_have_one_warning(read) -> None:
 )
 def test_what_is_for_others_needs_no_warning(read, kind: str, body: str) -> None:
     assert unread(read(BALL + f'def {kind} "P"\n{{\n{body}\n}}\n')) == []
+
+
+MOVED = "double3 xformOp:translate = (1, 2, 3)\n"
+ORDER = "uniform token[] xformOpOrder = "
+
+
+@pytest.mark.parametrize(
+    ("kind", "body", "text"),
+    [
+        ("Sphere", MOVED, "is not read: xformOpOrder does not name it: /P.xformOp:translate"),
+        ("Xform", MOVED + ORDER + "[]", "is not read: xformOpOrder does not name it: /P.xformOp:translate"),
+        ("Scope", MOVED + ORDER + '["xformOp:translate"]', "is not read: a Scope has no transform: {}:translate"),
+        ("", MOVED + ORDER + '["xformOp:translate"]', "is not read: a prim without a type has no transform: {}:translate"),
+    ],
+)
+def test_operations_that_move_nothing_are_told(read, kind: str, body: str, text: str) -> None:
+    prim = f'def {kind} "P"\n{{\n{body}\ndef Sphere "S"\n{{\n}}\n}}\n'
+    assert unread(read(BALL + prim)) == [text.format("/P.xformOp")]
+
+
+def test_an_order_that_names_what_is_not_there_is_told(read) -> None:
+    prim = f'def Sphere "P"\n{{\n{MOVED}{ORDER}["xformOp:translate", "!invert!xformOp:rotateX"]\n}}\n'
+    reading = read(prim)
+    assert reading.warnings == ("names xformOp:rotateX, which is not there; it is left out: /P.xformOpOrder",)
+    assert tuple(reading.scene.shapes[0].object_to_world[:3, 3]) == (1, 2, 3)
+    with pytest.raises(SceneError, match="/P.xformOpOrder: names xformOp:rotateX"):
+        read(prim, strict=True)
 
 
 def test_what_a_schema_has_and_is_not_rendered_is_told_unless_it_changes_nothing(read) -> None:

@@ -97,7 +97,7 @@ def _text(error: Exception) -> str:
 
 def _blamed(path: str, text: str) -> tuple[str, str]:
     """The path of a message that begins with one, of the prim or of a property of it, and what it says of that."""
-    begins = re.match(rf"({re.escape(path)}(?:\.[\w:]+)?)(?:: | )", text)
+    begins = re.match(rf"({re.escape(path)}(?:\.\w+(?::\w+)*)?)(?:: | )", text)
     return (begins[1], text[begins.end() :]) if begins else (path, text)
 
 
