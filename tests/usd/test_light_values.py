@@ -77,6 +77,32 @@ def test_values_of_another_type_cost_that_input(read, kind: str, name: str, valu
     assert any(name in text or (not is_read and "ShapingAPI" in text) for text in reading.warnings)
 
 
+FLAGS = [
+    ("bool inputs:normalize = 1", True, ""),
+    ("int inputs:normalize = 1", True, ""),
+    ("int inputs:normalize = 0", False, ""),
+    ('token inputs:normalize = "False"', False, '"False"; accepted: true, false; false is used'),
+    ('token inputs:normalize = "true"', True, '"true"; accepted: true, false; true is used'),
+    ("float inputs:normalize = 0.5", False, "0.5; accepted: true, false; false is used"),
+    ("float[] inputs:normalize = [1]", False, "[1]; accepted: true, false; false is used"),
+]
+
+
+@pytest.mark.parametrize(("line", "is_normalized", "told"), FLAGS)
+def test_flags_of_other_types_are_what_they_say(read, line: str, is_normalized: bool, told: str) -> None:
+    reading = read(f'def RectLight "Lamp"\n{{\nfloat inputs:width = 4\n{line}\n}}\n')
+    lamp = next(light for light in reading.scene.lights if light.name == "/Lamp")
+    assert lamp.radiance[0] == pytest.approx(0.25 if is_normalized else 1)
+    warnings = [text for text in reading.warnings if "normalize" in text]
+    assert warnings == ([f"= {told}: /Lamp.inputs:normalize"] if told else [])
+
+
+def test_shadows_that_an_integer_turns_off_are_off(read) -> None:
+    lamp = 'def RectLight "Lamp" (\nprepend apiSchemas = ["ShadowAPI"]\n)\n{\nint inputs:shadow:enable = 0\n}\n'
+    reading = read('def Sphere "Ball"\n{\n}\n' + lamp)
+    assert [light.shadow_link for light in reading.scene.lights if light.name == "/Lamp"] == [0]
+
+
 def test_what_is_used_in_their_place(read) -> None:
     hot = only_light(read(lamp("DomeLight", WARM.format(12000)), light=""))
     assert hot.radiance == pytest.approx(tuple(UsdLux.BlackbodyTemperatureAsRgb(10000)))

@@ -80,6 +80,13 @@ def test_a_circle_is_left_open_where_it_closes(read) -> None:
     assert {"/A/S", "/B/S"} == {shape.name for shape in reading.scene.shapes}
 
 
+def test_display_colors_with_indices_out_of_range_are_left_out(mended) -> None:
+    colors = 'color3f[] primvars:displayColor = [(1, 0, 0)] (\n interpolation = "vertex"\n)\n'
+    body = QUAD + colors + "int[] primvars:displayColor:indices = [0, 0, 1, 0]\n"
+    reading = mended(mesh(body), "primvar with indices in [0, 1] for 1 values is left out: /M.primvars:displayColor")
+    assert reading.scene.shapes[0].surface.diffuse == (0.18, 0.18, 0.18)
+
+
 @pytest.mark.parametrize(
     "broken", ["float xformOp:rotateXYZ = 3\n{}['xformOp:rotateXYZ']", "{}['xformOp:turn']"], ids=["value", "operation"]
 )

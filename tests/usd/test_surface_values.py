@@ -29,7 +29,7 @@ VALUES = [
     ("int inputs:useSpecularWorkflow = 2", "specular", (0, 0, 0), "2; accepted: 0 or 1"),
     ('token inputs:opacityMode = "glass"', "is_presence", False, "glass; accepted: transparent, presence"),
     ('token inputs:opacityMode = "Presence"', "is_presence", True, "Presence; accepted: transparent, presence"),
-    ('string inputs:roughness = "much"', "roughness", 0.5, r"much; accepted: \[0, 1\]"),
+    ('string inputs:roughness = "much"', "roughness", 0.5, r"\"much\"; accepted: \[0, 1\]"),
 ]
 
 

@@ -11,7 +11,7 @@ from fgf_warp.scene import PrimvarInput, Rgb, Surface
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.instance_primvars import find_source, of_each, varies
 from usd_scenes.reader.instancing import Copies
-from usd_scenes.reader.primvars import cut_display
+from usd_scenes.reader.primvars import cut_display, fit_values
 
 
 def display_surface(prim: Usd.Prim, context: StageContext, copies: Copies | None = None) -> Surface:
@@ -83,6 +83,8 @@ def _display_input(
 
 def _values(primvar: UsdGeom.Primvar, width: int, context: StageContext) -> np.ndarray:
     """(n, width) float32, of which there may be none."""
+    if not fit_values(primvar, context):
+        return np.zeros((0, width), dtype=np.float32)
     flattened = primvar.ComputeFlattened(context.time)
     try:
         values = np.asarray([] if flattened is None else flattened, dtype=np.float32).reshape(-1, width)

@@ -10,6 +10,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.scene import MAX_LINKS, Light, Shape
+from usd_scenes.reader.attributes import read_mended_flag
 from usd_scenes.reader.context import StageContext
 
 Membership = Callable[[Sdf.Path], bool]
@@ -96,7 +97,7 @@ def _light_link(prim: Usd.Prim, paths: Sequence[Sdf.Path], context: StageContext
 
 def _shadow_link(prim: Usd.Prim, paths: Sequence[Sdf.Path], context: StageContext) -> Membership | None:
     shadow = UsdLux.ShadowAPI(prim)
-    if prim.HasAPI(UsdLux.ShadowAPI) and shadow.GetShadowEnableAttr().Get(context.time) is False:
+    if prim.HasAPI(UsdLux.ShadowAPI) and not read_mended_flag(shadow.GetShadowEnableAttr(), context, default=True):
         return lambda path: False
     return _membership(UsdLux.LightAPI(prim).GetShadowLinkCollectionAPI(), paths, context)
 
