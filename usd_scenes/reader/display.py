@@ -14,6 +14,9 @@ from usd_scenes.reader.instancing import Copies
 from usd_scenes.reader.primvars import cut_display, fit_values
 
 
+DEFAULTS: dict[str, Rgb | float] = {"displayColor": Surface().diffuse, "displayOpacity": Surface().opacity}  # type: ignore[dict-item]
+
+
 def display_surface(prim: Usd.Prim, context: StageContext, copies: Copies | None = None) -> Surface:
     """A diffuse surface of the display color and opacity of a geometry prim, or of the mesh of a GeomSubset.
 
@@ -74,7 +77,8 @@ def _display_input(
     if (values == values[0]).all():
         return value
     if shape.IsA(UsdGeom.Mesh) or is_of_each:
-        return PrimvarInput(name, fallback=value)
+        # Where the primvar does not fit and is left out, the surface is as it is without one.
+        return PrimvarInput(name, fallback=DEFAULTS[name])
     context.notes.add(
         f"{name} varies over a shape that is no mesh: its first value is used", primvar.GetAttr().GetPath()
     )

@@ -154,7 +154,7 @@ def _ignored(prim: Usd.Prim, time: Usd.TimeCode) -> Iterator[str]:
         if relationship and relationship.GetTargets():
             yield f"{name} of lights"
     for light_input in UsdShade.ConnectableAPI(prim).GetInputs():
-        if light_input.HasConnectedSource():
+        if light_input.GetAttr().HasAuthoredConnections():
             yield f"connection of {light_input.GetFullName()} of lights"
 
 

@@ -190,10 +190,13 @@ def _read_purposes(settings: Usd.Prim, context: StageContext) -> tuple[str, ...]
     if not is_authored(attribute):
         return None
     asked = _words(attribute, context)
+    known = tuple(purpose for purpose in map(str.lower, asked) if purpose in PURPOSES)
     if unknown := [purpose for purpose in asked if purpose not in PURPOSES]:
-        accepted = ", ".join(PURPOSES)
-        context.mend(f"holds {', '.join(unknown)}; accepted: {accepted}; it is left out", attribute.GetPath())
-    return tuple(purpose for purpose in asked if purpose in PURPOSES)
+        # Without any purpose nothing would be seen.
+        used = f"{', '.join(known)} is used" if known else "it is left out"
+        context.mend(f"holds {', '.join(unknown)}; accepted: {', '.join(PURPOSES)}; {used}", attribute.GetPath())
+        return known or None
+    return known
 
 
 def _resolution(attribute: Usd.Attribute, context: StageContext) -> tuple[int, int] | None:
