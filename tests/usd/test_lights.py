@@ -362,7 +362,7 @@ def test_what_shaping_does_not_do_is_named(read) -> None:
         assert (text in read(shaped("DistantLight", body)).warnings) == is_told
     unapplied = read(light_prim("SphereLight", "float inputs:shaping:cone:angle = 30"))
     assert (
-        "is of no effect on a light to which ShapingAPI is not applied: /Lamp.inputs:shaping:cone:angle"
+        "/Lamp.inputs:shaping:cone:angle is of no effect on a light to which ShapingAPI is not applied"
         in unapplied.warnings
     )
     assert unapplied.scene.lights[-1].shaping is None

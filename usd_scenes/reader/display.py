@@ -13,7 +13,6 @@ from usd_scenes.reader.instance_primvars import find_source, of_each, varies
 from usd_scenes.reader.instancing import Copies
 from usd_scenes.reader.primvars import cut_display, fit_values
 
-
 DEFAULTS: dict[str, Rgb | float] = {"displayColor": Surface().diffuse, "displayOpacity": Surface().opacity}  # type: ignore[dict-item]
 
 

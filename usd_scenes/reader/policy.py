@@ -17,10 +17,7 @@ from dataclasses import dataclass, field
 from pxr import Tf
 
 from fgf_warp.errors import FgfError, MediumError, SceneError
-from usd_scenes.reader.notes import Notes
-
-VALUES = ("= ", "is ", "spans ", "holds ")
-"""What a text about an attribute's value begins with."""
+from usd_scenes.reader.notes import VALUES, Notes
 
 
 @dataclass(frozen=True, eq=False)
