@@ -165,7 +165,7 @@ def test_a_light_without_area_or_power_is_left_out(read, kind: str, body: str, n
     assert [light.name for light in reading.scene.lights] == ["/Dome"]
     (text,) = (text for text in reading.warnings if "treatAs" not in text)
     assert text.startswith(f"/Lamp.{name} = 0, where the light has no area and so no power; accepted: > 0, or 0 with")
-    assert text.endswith(f"the light is left out: /Lamp.{name}")
+    assert text.endswith("the light is left out")
     with pytest.raises(SceneError, match=rf"/Lamp\.{name} = 0"):
         read(lamp(kind, body), strict=True)
 
@@ -260,7 +260,7 @@ def test_words_for_the_layout_of_a_picture(read, tmp_path: Path) -> None:
     for word, has_image in (("latLong", True), ("spherical", True), ("angular", False)):
         reading = read(lamp("DomeLight", body + f'token inputs:texture:format = "{word}"'), light="")
         assert (only_light(reading).image is not None) == has_image
-        assert any(word in text and text.endswith(("/Lamp", ":format")) for text in reading.warnings)
+        assert any(word in text and "/Lamp" in text for text in reading.warnings)
     reading = read(lamp("DomeLight_1", body + 'uniform token poleAxis = "X"'), light="")
     assert "/Lamp.poleAxis = X; accepted: scene, Y, Z; scene is used" in reading.warnings
 

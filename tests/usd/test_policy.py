@@ -211,7 +211,7 @@ def test_creases_out_of_range_leave_the_others(read) -> None:
     sharp = cage + "int[] cornerIndices = [2]\nfloat[] cornerSharpnesses = [3]\n}"
     more = cage + "int[] cornerIndices = [9, 2]\nfloat[] cornerSharpnesses = [1, 3]\n}"
     np.testing.assert_array_equal(read(more).scene.shapes[0].points, read(sharp).scene.shapes[0].points)
-    warning = "spans [2, 9]; accepted: [0, 3], as there are 4 points; 1 of 2 entries are left out: /M.cornerIndices"
+    warning = "/M.cornerIndices spans [2, 9]; accepted: [0, 3], as there are 4 points; 1 of 2 entries are left out"
     assert read(more).warnings == (warning,)
 
 
