@@ -147,7 +147,9 @@ def test_instances_are_bound_inside_their_prototype(read) -> None:
 def test_a_binding_to_no_material_is_named(read, target: str) -> None:
     prims = sphere(f"rel material:binding = <{target}>")
     reading = read(prims)
-    assert "bound to something that is no Material: /Ball.material:binding" in reading.warnings
+    assert (
+        "bound to something that is no Material; the display color is used: /Ball.material:binding" in reading.warnings
+    )
     assert reading.scene.shapes[0].surface == Surface()
     with pytest.raises(SceneError, match=r"/Ball.material:binding: bound to something that is no Material"):
         read(prims, strict=True)
