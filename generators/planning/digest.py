@@ -21,8 +21,8 @@ def content_hash(content: Any) -> str:
 
 def canonical(value: Any, array: Callable[[np.ndarray], Any] | None = None) -> Any:
     """A JSON-ready form in which equal content is equal text; arrays by what `array` gives, else by their hash."""
-    if value is None or type(value) in (str, int, bool):
-        return value
+    if value is None or isinstance(value, str | int | float):
+        return repr(value) if isinstance(value, float) and not math.isfinite(value) else value
     if isinstance(value, np.ndarray):
         return (array or canonical_array)(value)
     if is_dataclass(value):
@@ -34,7 +34,7 @@ def canonical(value: Any, array: Callable[[np.ndarray], Any] | None = None) -> A
         return {str(key): canonical(item, array) for key, item in value.items()}
     if isinstance(value, tuple | list):
         return [canonical(item, array) for item in value]
-    return repr(value) if isinstance(value, float) and not math.isfinite(value) else value
+    return value
 
 
 def canonical_array(array: np.ndarray) -> list[Any]:
