@@ -187,3 +187,33 @@ def test_a_displacement_that_moves_nothing_needs_no_warning(read, value: str, is
         }}""",
     )
     assert any("displacement is not rendered" in text for text in read(prims).warnings) == is_told
+
+
+@pytest.mark.parametrize(
+    "declared", ["the[] primvars:displayColor = [(1, 0, 0)]", 'string[] primvars:displayColor = ["r"]']
+)
+def test_a_display_color_that_is_no_numbers_is_left_out(read, declared: str) -> None:
+    triangle = """def Mesh "M" {
+        point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+        rel material:binding = </Looks>
+        %s (interpolation = "constant")
+    }
+    def Material "Looks" {
+        token outputs:surface.connect = </Looks/S.outputs:surface>
+        def Shader "S" {
+            uniform token info:id = "UsdPreviewSurface"
+            color3f inputs:diffuseColor.connect = </Looks/R.outputs:result>
+            token outputs:surface
+        }
+        def Shader "R" {
+            uniform token info:id = "UsdPrimvarReader_float3"
+            string inputs:varname = "displayColor"
+            float3 outputs:result
+        }
+    }
+    """
+    reading = read(triangle % declared)
+    assert any("/M.primvars:displayColor" in text for text in reading.warnings)
+    assert reading.scene.shapes[0].primvars == {}

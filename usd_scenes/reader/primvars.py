@@ -16,6 +16,8 @@ INTERPOLATIONS = ("constant", "uniform", "varying", "vertex", "faceVarying")
 
 DISPLAY_FALLBACKS = {"displayColor": 0.18, "displayOpacity": 1.0}
 """What takes the place of a number that is none, as where nothing is authored."""
+DISPLAY_WIDTHS = {"displayColor": 3, "displayOpacity": 1}
+"""Numbers of each value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +99,10 @@ def read_values(primvar: UsdGeom.Primvar, context: StageContext) -> np.ndarray |
     try:
         values = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        values = np.array(np.nan)
-    if primvar.GetPrimvarName() in DISPLAY_FALLBACKS and values.size and not np.isfinite(values).all():
+        context.mend("primvar that is no array of numbers is left out", path)
+        return None
+    width = DISPLAY_WIDTHS.get(primvar.GetPrimvarName(), 0)
+    if width and values.size % width == 0 and not np.isfinite(values).all():
         values = cut_display(primvar, values, context)
     if not np.isfinite(values).all():
         context.mend("primvar without finite numbers is left out", path)
@@ -121,7 +125,7 @@ def cut_display(primvar: UsdGeom.Primvar, values: np.ndarray, context: StageCont
     """
     name = primvar.GetPrimvarName()
     fallback = DISPLAY_FALLBACKS[name]
-    own = np.asarray(primvar.Get(context.time), dtype=np.float64).reshape(-1, 3 if name == "displayColor" else 1)
+    own = np.asarray(primvar.Get(context.time), dtype=np.float64).reshape(-1, DISPLAY_WIDTHS[name])
     outside = ~((own >= 0) & (own <= 1)).all(axis=1)
     at = int(np.argmax(outside))
     found = ", ".join(shown(as_written(number)) for number in own[at])
