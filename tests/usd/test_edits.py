@@ -156,6 +156,9 @@ def Xform "World"
     def Sphere "Ball"
     {
     }
+    def Sphere "Egg"
+    {
+    }
     def SphereLight "Lamp"
     {
         float inputs:radius = 0.5
@@ -175,6 +178,9 @@ def Xform "World"
         def DiskLight "Spot"
         {
             rel light:filters = </World/Ball>
+            rel collection:lightLink:includes = </World/Ball>
+            rel collection:shadowLink:excludes = </World/Egg>
+            uniform bool collection:lightLink:includeRoot = 0
 
             MORE
         }

@@ -95,5 +95,7 @@ def _read_lights(
             return None
         if again is None:
             return None
-        found.append(replace(again, link=light.link, shadow_link=light.shadow_link))
+        if light.link is not None or light.shadow_link is not None:
+            again = replace(again, link=light.link, shadow_link=light.shadow_link)
+        found.append(again)
     return tuple(found), policy.notes.entries()
