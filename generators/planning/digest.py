@@ -13,6 +13,9 @@ import numpy as np
 
 from fgf_warp.scene import Image, Scene
 
+PLAIN = (str, int, float)
+"""Written here, since a union of types would be made anew for each of the many numbers."""
+
 
 def content_hash(content: Any) -> str:
     """Hexadecimal SHA-256 of what `canonical` gives, or of anything JSON-ready."""
@@ -21,10 +24,12 @@ def content_hash(content: Any) -> str:
 
 def canonical(value: Any, array: Callable[[np.ndarray], Any] | None = None) -> Any:
     """A JSON-ready form in which equal content is equal text; arrays by what `array` gives, else by their hash."""
-    if value is None or isinstance(value, str | int | float):
+    if value is None or isinstance(value, PLAIN):
         return repr(value) if isinstance(value, float) and not math.isfinite(value) else value
     if isinstance(value, np.ndarray):
         return (array or canonical_array)(value)
+    if isinstance(value, tuple | list):
+        return [canonical(item, array) for item in value]
     if is_dataclass(value):
         # Where the scene and its pictures were read from does not change a pixel.
         place = "name" if isinstance(value, Image) else "source"
@@ -32,8 +37,6 @@ def canonical(value: Any, array: Callable[[np.ndarray], Any] | None = None) -> A
         return {"type": type(value).__name__, **{name: canonical(getattr(value, name), array) for name in names}}
     if isinstance(value, Mapping):
         return {str(key): canonical(item, array) for key, item in value.items()}
-    if isinstance(value, tuple | list):
-        return [canonical(item, array) for item in value]
     return value
 
 
