@@ -315,7 +315,7 @@ def make_whole(folder: Path) -> Path:
     """The dataset that copies are made of: six samples, rendered, with a page."""
     loaded = load_config(write_config(folder))
     whole = folder / "whole"
-    generate(build_plan(loaded), loaded.to_bytes(whole), whole)
+    generate(build_plan(loaded), loaded.to_bytes(), whole)
     return whole
 
 
