@@ -261,7 +261,7 @@ app.command()(tradeoff)
 
 
 def main() -> None:
-    """Entry point of the console script."""
+    """Runs the command that the program was called with, see `generators.entry`."""
     # What a library meets when it clears away after an error is nothing that a user could act on.
     sys.unraisablehook = lambda _: None
     app()

@@ -34,6 +34,10 @@ AOV_SOURCES = {
 """Names that render vars have for planes, beside the planes' own, in lower case and without underscores."""
 
 
+class NoStageError(SceneError):
+    """A stage that is not there."""
+
+
 @dataclass(frozen=True, eq=False)
 class BaseScene:
     """A stage as read.
@@ -134,10 +138,10 @@ def check_stage(path: Path) -> None:
     """Checks that there is a file.
 
     Raises:
-        SceneError: where there is none.
+        NoStageError: where there is none.
     """
     if not path.is_file():
-        raise SceneError(f"{path}: there is no such stage")
+        raise NoStageError(f"{path}: there is no such stage")
 
 
 def planes_of(sources: Iterable[str]) -> tuple[frozenset[Aov], list[str]]:

@@ -41,9 +41,9 @@ class Finding:
     sample: int | None = None
 
     def __str__(self) -> str:
-        # Whoever named a file may have put the end of a line into it.
-        name = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in self.name)
-        return f"{name}: {self.found}; expected: {self.expected}"
+        # Names of files, and what damaged ones say, may hold the end of a line.
+        line = f"{self.name}: {self.found}; expected: {self.expected}"
+        return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from generators.dataset.reader import Dataset
 from generators.dataset.record import file_entry
 from generators.publishing.card import write_card
 from generators.publishing.columns import COMPLETE, STATUS
-from generators.publishing.croissant import FILES, claimed_hashes, write_croissant
+from generators.publishing.croissant import claimed_hashes, described_files, write_croissant
 from generators.publishing.index import build_index, parquet_bytes, split_table
 
 OF_TIMING = ("render_seconds",)
@@ -80,7 +80,7 @@ def _wrong(dataset: Dataset, there: Collection[str], samples: Samples) -> Iterat
         croissant = None
     hashes = claimed_hashes(dataset.store.read(layout.CROISSANT)) if croissant else {}
     if croissant is not None:
-        yield from _wrong_list(croissant, there)
+        yield from _wrong_list(dataset, croissant, there)
     changed = list(_changed(dataset, there, hashes))
     yield from changed
     labels = read_labels(dataset) if layout.INDEX in there else None
@@ -101,7 +101,7 @@ def _wrong(dataset: Dataset, there: Collection[str], samples: Samples) -> Iterat
 
 def _changed(dataset: Dataset, there: Collection[str], hashes: Mapping[str, str]) -> Iterator[Finding]:
     """The files that are not as they were when the metadata took their hashes."""
-    for name in sorted(set(hashes) & set(there)):
+    for name in sorted({*hashes}.intersection(there, described_files(dataset.splits))):
         content = read(dataset, name)
         if isinstance(content, str):
             yield _damaged(name, content, "a file that can be read")
@@ -118,7 +118,7 @@ def _changed(dataset: Dataset, there: Collection[str], hashes: Mapping[str, str]
 
 def _lost_samples(dataset: Dataset, there: Collection[str], samples: Samples) -> Iterator[Finding]:
     """Samples that were there once, as the tables of their splits say where the labels cannot."""
-    for split in layout.SPLITS:
+    for split in dataset.splits:
         name = layout.split_metadata(split)
         table = read_table(dataset, name) if name in there else None
         if table is None or INDEX not in table.column_names:
@@ -181,14 +181,14 @@ def _blame_sample(dataset: Dataset, column: str, sample: int, label: Any, value:
 # ---- metadata, card and tables, which are made anew and compared
 
 
-def _wrong_list(croissant: Mapping[str, Any], there: Collection[str]) -> Iterator[Finding]:
+def _wrong_list(dataset: Dataset, croissant: Mapping[str, Any], there: Collection[str]) -> Iterator[Finding]:
     """Whether the metadata list every file that they should, once and by its name."""
-    listed = Counter(_urls(croissant))
-    for name in [name for name in listed if name not in FILES]:
-        yield _damaged(layout.CROISSANT, f"contentUrl {name}", f"one of {', '.join(FILES)}")
+    listed, described = Counter(_urls(croissant)), described_files(dataset.splits)
+    for name in [name for name in listed if name not in described]:
+        yield _damaged(layout.CROISSANT, f"contentUrl {name}", f"one of {', '.join(described)}")
     # They are written last, when these are there in any case.
     always = (layout.INDEX, layout.PLAN, layout.CARD, layout.CONTACT_SHEET)
-    for name in [name for name in FILES if (name in there or name in always) and listed[name] != 1]:
+    for name in [name for name in described if (name in there or name in always) and listed[name] != 1]:
         found = f"{listed[name]} entries with a hash of {name}"
         yield _damaged(layout.CROISSANT, found, "one")
 
@@ -209,8 +209,9 @@ def _wrong_metadata(
     if not _is_date(published):
         yield _damaged(layout.CROISSANT, f"{DATE} {published}", "a day")
         published = None
-    gone = [name for name in _urls(croissant) if name in FILES and name not in there]
-    files = {name: _content(dataset, name) for name in FILES if name in there or name in gone}
+    described = described_files(dataset.splits)
+    gone = [name for name in _urls(croissant) if name in described and name not in there]
+    files = {name: _content(dataset, name) for name in described if name in there or name in gone}
     expected = write_croissant(dataset.meta, labels, files, published)
     if dataset.store.read(layout.CROISSANT) == expected:
         return
@@ -227,7 +228,7 @@ def _without_hashes(document: Mapping[str, Any], names: Collection[str]) -> dict
     """The metadata without what they say of the content of some files."""
 
     def shown(entry: Any) -> Any:
-        if isinstance(entry, dict) and entry.get("contentUrl") in names:
+        if isinstance(entry, dict) and str(entry.get("contentUrl")) in names:
             return {key: value for key, value in entry.items() if key not in ("sha256", "contentSize")}
         return entry
 
@@ -243,7 +244,7 @@ def _wrong_words(
         expected = write_card(dataset.meta, labels).encode()
         if dataset.store.read(layout.CARD) != expected:
             yield _damaged(layout.CARD, "other words", "what plan and labels say")
-    for split in layout.SPLITS:
+    for split in dataset.splits:
         name = layout.split_metadata(split)
         if name not in there or name in named:
             continue

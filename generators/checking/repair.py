@@ -6,15 +6,15 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from fgf_warp.errors import ConfigError, CorruptFileError
-from generators.checking.findings import Kind, Verification
+from fgf_warp.errors import ConfigError, CorruptFileError, FgfError
+from generators.checking.findings import Kind, Verification, name_ranges
 from generators.checking.published import read_labels
 from generators.checking.verify import verify_dataset
 from generators.dataset import layout
-from generators.dataset.plan_table import INDEX
+from generators.dataset.plan_table import INDEX, read_plan
 from generators.dataset.reader import Dataset
 from generators.dataset.record import STAGES_COME_BACK, decode_record
-from generators.dataset.scene_files import config_file
+from generators.dataset.scene_files import config_file, scene_problems
 from generators.dataset.store import Store
 from generators.publishing.publish import publish
 from generators.running.opening import shards_under_way, sole
@@ -33,11 +33,17 @@ def restore_plan(location: str) -> None:
 
     Raises:
         ConfigError: where there is no config, or where it plans something else than the samples that are there.
-        SceneError: where its stage is not there.
+        CorruptFileError: where its stage is damaged.
         OutputError: where it cannot be written.
     """
     store = Store(location)
     _refuse_run(store)
+    if problems := scene_problems(store):
+        name, found, _ = problems[0]
+        raise CorruptFileError(
+            f"{location}/{name}: {found}; {layout.PLAN} follows from it and is damaged too, "
+            "so both cannot be made anew; accepted: one of them from a copy of the dataset"
+        )
     store.write(layout.PLAN, _plan(store, _recorded_digest(store)).to_bytes())
 
 
@@ -56,7 +62,7 @@ def repair_dataset(location: str, found: Verification) -> Iterator[str]:
 
     Raises:
         ConfigError: where a run is under way, or where the config plans something else.
-        SceneError: where the stage is not there.
+        SceneError: where the stage is not accepted.
         OutputError: where a file cannot be written.
     """
     _refuse_run(Store(location))
@@ -64,15 +70,23 @@ def repair_dataset(location: str, found: Verification) -> Iterator[str]:
         restore_plan(location)
         yield f"made {layout.PLAN} anew"
         found = verify_dataset(Dataset(location))
+    elif any(finding.name == layout.CROISSANT for finding in found.of(Kind.DAMAGED)):
+        with suppress(FgfError):  # what cannot be planned now does not keep the rest from being healed
+            if _differs_from_config(Dataset(location)):
+                restore_plan(location)
+                yield f"made {layout.PLAN} anew, of which {layout.CROISSANT} could not tell that it had been changed"
     dataset = Dataset(location)
     notes = [finding for finding in found.of(Kind.DAMAGED) if finding.name.startswith(layout.FAILURES)]
     for useless in [*found.of(Kind.LEFTOVER), *notes]:
         dataset.store.remove(useless.name)
         yield f"removed {useless.name}"
-    for damaged in found.of(Kind.DAMAGED):
-        if damaged.name.startswith(f"{layout.SCENE}/"):
-            yield f"{damaged.name} cannot be made anew of the dataset alone: {STAGES_COME_BACK}"
-    yield from _render_damaged(dataset, found)
+    stages = [damaged.name for damaged in found.of(Kind.DAMAGED) if damaged.name.startswith(f"{layout.SCENE}/")]
+    for name in stages:
+        yield f"{name} cannot be made anew of the dataset alone: {STAGES_COME_BACK}"
+    if not stages:
+        yield from _render_damaged(dataset, found)
+    elif samples := found.damaged_samples():
+        yield f"samples that wait for the stages to be rendered again: {name_ranges(samples)}"
     if any(finding.name == layout.CARD for finding in found.of(Kind.DAMAGED)) and dataset.store.exists(layout.CARD):
         yield _keep_card(dataset.store)
     try:
@@ -145,6 +159,12 @@ def _plan(store: Store, digest: str | None) -> Plan:
         f"{store.location}/{layout.CONFIG}: plans another dataset than the one that is there (config, stage or version "
         "of FGF-Warp differ), so nothing can be made anew to the same bytes"
     )
+
+
+def _differs_from_config(dataset: Dataset) -> bool:
+    """Whether the plan that is there is another than its config makes, or says other things of it."""
+    meta, table = read_plan(_plan(dataset.store, dataset.meta.digest).to_bytes(), layout.PLAN)
+    return meta != dataset.meta or not table.equals(dataset.plan)
 
 
 def _recorded_digest(store: Store) -> str | None:

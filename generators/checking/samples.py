@@ -89,8 +89,11 @@ def _unreached(record: Record, quality: Mapping[str, Any]) -> Iterator[tuple[str
     reached = record.standard_error if record.reached_error is None else record.reached_error
     if target is None:
         yield f"{record.spp} samples per pixel", f"{most:g}, as planned"
-    elif reached > target:
-        yield f"standard error {reached:.4g} at {record.spp} samples per pixel", f"at most {target:g}"
+    elif reached is None or reached > target:
+        yield (
+            f"standard error {'unknown' if reached is None else format(reached, '.4g')} at {record.spp} samples per pixel",
+            f"at most {target:g}",
+        )
 
 
 def read_note(dataset: Dataset, name: str, decode: Callable[[bytes, str], Note]) -> Note | str:

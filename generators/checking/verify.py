@@ -138,7 +138,8 @@ def _surplus(dataset: Dataset, sizes: Mapping[str, int]) -> Iterator[Finding]:
         outermost = next((parent for parent in _parents(name) if parent not in parents), name)
         strange[outermost] += name in sizes
     for name, count in sorted(strange.items()):
-        what = "a file" if name in sizes else f"a folder of {count} files"
+        is_link = dataset.store.folder and (dataset.store.folder / name).is_symlink()
+        what = "a link" if is_link else "a file" if name in sizes else f"a folder of {count} files"
         if fnmatch(name.rpartition("/")[2], PARTIAL_GLOB):
             if shards_under_way(dataset.store):
                 continue  # it is being written

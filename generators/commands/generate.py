@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fgf_warp.errors import ConfigError, OutputError
+from fgf_warp.errors import ConfigError, FgfError, OutputError
 from fgf_warp.settings import RenderSettings
 from generators.commands.common import (
     EXIT_PARTIAL,
@@ -27,6 +27,7 @@ from generators.commands.plan import make_plan
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from generators.planning.document import LoadedConfig
     from generators.running.run import Progress, Report
 
 FAILURES_SHOWN = 10
@@ -105,13 +106,15 @@ def generate(
 
     asked = run.Workers(executor, workers, cores, _slurm_parameters(slurm or []))
     part = Shard.parse(shard)
-    loaded, plan = make_plan(config, overrides, device)
+    try:
+        loaded, plan = make_plan(config, overrides, device)
+    except FgfError as error:
+        raise _pointing_to_its_dataset(error, config, overrides, out) from error
     plan = replace(plan, settings=replace(plan.settings, memory=memory))
     for index in sample or ():
         if not 0 <= index < len(plan.samples):
             raise ConfigError(f"--sample {index}: accepted: 0 to {len(plan.samples) - 1}")
-    own = None if Path(config).is_file() else config
-    location = out or own or loaded.config.output or f"datasets/{loaded.config.name}"
+    location = _location(config, out, loaded)
     if executor == "local":
         start_warp(device)
     warn(plan.warnings)
@@ -136,6 +139,26 @@ def generate(
     _print_report(report, plan.settings.max_depth)
     if not report.is_complete:
         raise typer.Exit(EXIT_PARTIAL)
+
+
+def _location(config: str, out: str | None, loaded: LoadedConfig) -> str:
+    own = None if Path(config).is_file() else config
+    return out or own or loaded.config.output or f"datasets/{loaded.config.name}"
+
+
+def _pointing_to_its_dataset(error: FgfError, config: str, overrides: list[str] | None, out: str | None) -> FgfError:
+    """The same error; where the stage of a config is gone, with the dataset that holds it, if there is one."""
+    from generators.dataset import layout  # noqa: PLC0415
+    from generators.dataset.store import Store  # noqa: PLC0415
+    from generators.planning.document import load_config  # noqa: PLC0415
+    from generators.stage import NoStageError  # noqa: PLC0415
+
+    if not isinstance(error, NoStageError) and not isinstance(error.__cause__, NoStageError):
+        return error
+    location = _location(config, out, load_config(Path(config), overrides or ())) if Path(config).is_file() else config
+    if location == config or not Store(location).exists(layout.PLAN):
+        return error
+    return ConfigError(f"{error}; the dataset holds what it was made from: fgf generate {location} goes on with it")
 
 
 def _slurm_parameters(options: list[str]) -> dict[str, str | int]:

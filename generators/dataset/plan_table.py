@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
@@ -87,6 +88,10 @@ class PlanMeta:
     stages: tuple[str, ...] = ()
 
 
+BOUNDS = ("spp", "target_error", "time")
+"""Of `PlanMeta.quality`, the numbers."""
+
+
 def is_open(quality: Mapping[str, Any]) -> bool:
     """Whether the samples per pixel follow from an error or a time."""
     return "target_error" in quality or "time" in quality
@@ -132,6 +137,10 @@ def read_plan(content: bytes, name: str) -> tuple[PlanMeta, pa.Table]:
     raise CorruptFileError(f"{name}: is damaged or not the plan of a dataset") from error
 
 
+def _is_bound(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < math.inf
+
+
 def _is_plan(meta: PlanMeta, table: pa.Table) -> bool:
     """Whether values have their types, and the table the columns that every plan has, with a row for each index."""
     types: dict[str, Any] = {"str": str, "int": int, "bool": bool, "float": (int, float), "dict[str, Any]": dict}
@@ -146,7 +155,9 @@ def _is_plan(meta: PlanMeta, table: pa.Table) -> bool:
             return False
     needed = {INDEX, SPLIT, SEED, *(axis.name for axis in meta.axes)}
     return (
-        needed <= set(table.column_names)
+        table.num_rows >= 1
+        and all(_is_bound(meta.quality[name]) for name in BOUNDS if name in meta.quality)
+        and needed <= set(table.column_names)
         and table[INDEX].to_pylist() == list(range(table.num_rows))
         and set(table[SPLIT].to_pylist()) <= set(layout.SPLITS)
         and all(isinstance(seed, int | str) for seed in table[SEED].to_pylist())

@@ -52,6 +52,12 @@ class Dataset:
         rows = zip(self.plan[SPLIT].to_pylist(), self.plan[INDEX].to_pylist(), strict=True)
         return tuple(layout.sample_folder(split, index) for split, index in rows)
 
+    @cached_property
+    def splits(self) -> tuple[str, ...]:
+        """The splits that the plan has samples of, in their order."""
+        planned = set(self.plan[SPLIT].to_pylist())
+        return tuple(split for split in layout.SPLITS if split in planned)
+
     def is_complete(self, index: int) -> bool:
         """Whether a sample is there."""
         return self.store.exists(f"{self.folders[index]}/{layout.RECORD}")

@@ -39,9 +39,10 @@ class Record:
         index: of the sample.
         plan: digest of the plan.
         spp: samples per pixel.
-        standard_error: mean relative standard error of the blocks of pixels.
         truncated: paths cut at the bound on their length.
         nonfinite: samples that were not finite; a complete sample has none.
+        standard_error: mean relative standard error of the blocks of pixels; None where a single sample per pixel
+            does not tell.
         statistics: of the image, by name; see `generators.publishing.statistics`.
         targets: the extra targets, by name: numbers or lists of numbers.
         files: the sample's other files, but for the timing, by name.
@@ -52,9 +53,9 @@ class Record:
     index: int
     plan: str
     spp: int
-    standard_error: float
     truncated: int
     nonfinite: int
+    standard_error: float | None = None
     statistics: Mapping[str, float] = field(default_factory=dict)
     targets: Mapping[str, Any] = field(default_factory=dict)
     files: Mapping[str, FileEntry] = field(default_factory=dict)

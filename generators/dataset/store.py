@@ -210,12 +210,14 @@ class Store:
                 path /= part
                 _make_folder(path)
 
-    def clear_way(self, name: str, *, even_files: bool = False) -> None:
+    def clear_way(self, name: str, *, even_files: bool = False, even_links: bool = False) -> None:
         """Moves a folder, or what else is no file, aside that stands where a file is to be.
 
         Args:
             name: of the file.
             even_files: whether to move a file aside too.
+            even_links: whether to move a link aside too, for a file that is written where it is: what the link leads
+                to is no part of the dataset.
 
         Raises:
             OutputError: where it cannot be moved.
@@ -224,7 +226,7 @@ class Store:
             return
         path = self.folder / name
         with self._writing(name):
-            if path.exists() and (even_files or not path.is_file()):
+            if (path.exists() and (even_files or not path.is_file())) or (even_links and path.is_symlink()):
                 move_aside(path)
 
     def fetch(self, name: str, path: Path) -> None:
@@ -418,17 +420,15 @@ def _commit_folder(target: Path, hidden: Path, files: Mapping[str, bytes], repla
 
 def _make_folder(path: Path) -> None:
     """Others may be making the same folder now, and none of theirs may be taken for what stands in the way."""
-    try:
-        path.mkdir(exist_ok=True)
-    except FileExistsError:
+    if path.is_symlink() or not path.is_dir():
         _clear_for_folder(path)
         path.mkdir(exist_ok=True)
 
 
 def _clear_for_folder(path: Path) -> None:
     with _CLEARING:
-        if (path.exists() or path.is_symlink()) and not path.is_dir():
-            move_aside(path)
+        if path.is_symlink() or (path.exists() and not path.is_dir()):
+            move_aside(path)  # a link too, since what it leads to is no part of the dataset
 
 
 def _holds_others(folder: Path, files: Mapping[str, bytes]) -> bool:
@@ -455,8 +455,8 @@ def _replace_within(target: Path, hidden: Path, files: Mapping[str, bytes]) -> N
 def _place_folder(target: Path, hidden: Path, last: str) -> None:
     """Gives a hidden folder that is on the disk its name, or its files to the one that has it."""
     flush_to_disk(hidden)
+    _clear_for_folder(target)
     if not target.is_dir():
-        move_aside(target)
         hidden.rename(target)
     else:
         files = _last_of(hidden, last)

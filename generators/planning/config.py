@@ -125,6 +125,12 @@ class SplitsConfig(Model):
         return {split: getattr(self, split) for split in SPLITS}
 
 
+CONSTRAINTS_MAX = 100
+"""Each of which may be evaluated for each of a million samples."""
+ELEVATION_MAX = 89.9
+"""[degree], either way: at a pole there is no telling what is up."""
+
+
 class OrbitConfig(Model):
     """The camera on a sphere, looking at its centre with its own lens; axes of these names take a value's place."""
 
@@ -132,9 +138,9 @@ class OrbitConfig(Model):
     """What the camera looks at [unit]."""
     azimuth: Number = 0.0
     """Around the up axis [degree]: 0 is in front (at +z, or -y where z is up), 90 on the right (at +x)."""
-    elevation: Number = 15.0
+    elevation: Annotated[Number, Field(ge=-ELEVATION_MAX, le=ELEVATION_MAX)] = 15.0
     """Above the horizon [degree], in (-90, 90)."""
-    distance: Number | None = None
+    distance: Annotated[Number, Field(gt=0)] | None = None
     """From the centre [unit], > 0; needed where no axis says it."""
 
 
@@ -189,7 +195,7 @@ class SweepConfig(Model):
     """Samples per combination, which vary faster than the axes; those of drawn axes have values of their own."""
     design: Literal["random", "latin_hypercube", "sobol"] = "random"
     """How drawn axes fill their ranges together: independently, or evenly over all samples."""
-    constraints: list[str] = Field(default_factory=list)
+    constraints: Annotated[list[str], Field(max_length=CONSTRAINTS_MAX)] = Field(default_factory=list)
     """Conditions on axes, such as H < 0 or L > 1; samples that break one are left out."""
     splits: SplitsConfig | None = None
     """Shares for training, validation and testing; without them all is for training."""

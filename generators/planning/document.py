@@ -45,6 +45,13 @@ MODELS: dict[Keys, type[BaseModel]] = {
     ("targets", "transmittance"): GridConfig,
 }
 """What may have which keys in the config of a dataset; all else is an axis."""
+COMPARED = {
+    "greater_than": "greater than",
+    "greater_than_equal": "greater than or equal to",
+    "less_than": "less than",
+    "less_than_equal": "less than or equal to",
+}
+"""What is said of a bound, which may have many digits."""
 OVERRIDE_KEYS_MAX = 10
 """Of an override; a config needs 5."""
 OVERRIDE_SHOWN, KEY_SHOWN = 200, 60
@@ -259,9 +266,17 @@ def _explain(
         return f"{where}: unknown key; {nearest(str(keys[-1]), names)}accepted: {', '.join(names)}"
     if error["type"] == "missing" and isinstance(error["loc"][-1], str):
         return f"{where}: this key is missing"
-    accepted = error["msg"].removeprefix("Input should be ")
+    bounds = error.get("ctx", {})
     if error["type"] == "missing":
         accepted = "one item more"
+    elif error["type"] in ("too_short", "string_too_short"):
+        accepted = f"at least {bounds['min_length']} {'character' if error['type'].startswith('string') else 'item'}"
+    elif error["type"] == "too_long":
+        accepted = f"at most {bounds['max_length']} items"
+    elif error["type"] in COMPARED and isinstance(bound := next(iter(bounds.values())), float):
+        accepted = f"{COMPARED[error['type']]} {bound:g}"
+    else:
+        accepted = error["msg"].removeprefix("Input should be ")
     return f"{where}: found {shown(error['input'])}; accepted: {accepted}"
 
 

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from fgf_warp.errors import ConfigError
+from generators.wording import one_line
 
 FUNCTIONS: dict[str, Callable[..., float]] = {
     "abs": abs,
@@ -49,6 +50,8 @@ PARTS = (
     *(ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.And, ast.Or, ast.Not),
 )
 """Of an expression, beside operators, constants and calls."""
+SHOWN_MAX = 60
+"""Characters of an expression in a message."""
 LENGTH_MAX = 1000
 """Characters of an expression."""
 DEPTH_MAX = 100
@@ -95,7 +98,7 @@ class Expression:
         """
         found = self._evaluate(values)
         if isinstance(found, bool | str) or not math.isfinite(found):
-            raise ConfigError(f"{self.text} is {found}; accepted: a finite number")
+            raise ConfigError(f"{self._shown} is {found}; accepted: a finite number")
         return float(found)
 
     def holds(self, values: Mapping[str, float | str]) -> bool:
@@ -109,14 +112,18 @@ class Expression:
         """
         found = self._evaluate(values)
         if not isinstance(found, bool):
-            raise ConfigError(f"{self.text} is {found}; accepted: a comparison, such as 'H < 0 or L > 1'")
+            raise ConfigError(f"{self._shown} is {found}; accepted: a comparison, such as 'H < 0 or L > 1'")
         return found
 
     def _evaluate(self, values: Mapping[str, float | str]) -> Any:
         try:
             return _evaluate(self._tree, {**CONSTANTS, **values})
         except (ArithmeticError, ValueError, TypeError) as error:
-            raise ConfigError(f"{self.text} has no value: {error}") from error
+            raise ConfigError(f"{self._shown} has no value: {error}") from error
+
+    @property
+    def _shown(self) -> str:
+        return one_line(self.text, SHOWN_MAX)
 
 
 def _depth(tree: ast.AST) -> int:

@@ -21,6 +21,7 @@ import json
 import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -83,17 +84,33 @@ def sample_parameters(loaded: LoadedConfig, sweep: Sweep, progress: Progress) ->
         values = dict(on_grid)
         for axis, quantile in zip(sweep.drawn, quantiles[position], strict=True):
             values[axis.name] = axis.config.value_at(quantile)
-        try:
-            for axis in sweep.dependent:
-                assert axis.expression is not None
+        for axis in sweep.dependent:
+            assert axis.expression is not None
+            with _placed(loaded, ("axes", axis.key, "expression"), values):
                 values[axis.name] = axis.expression.number(values)
-            if all(constraint.holds(values) for constraint in sweep.constraints):
-                found.append({axis.name: values[axis.name] for axis in sweep.axes})
-        except ConfigError as error:
-            raise ConfigError(f"{loaded.path}: with {described(values)}: {error}") from error
+        if _is_kept(loaded, sweep, values):
+            found.append({axis.name: values[axis.name] for axis in sweep.axes})
     if not found:
         raise loaded.error(("constraints",), f"none of {count} samples meets them")
     return found
+
+
+def _is_kept(loaded: LoadedConfig, sweep: Sweep, values: Parameters) -> bool:
+    """Whether values meet all constraints."""
+    for place, constraint in enumerate(sweep.constraints):
+        with _placed(loaded, ("constraints", place), values):
+            if not constraint.holds(values):
+                return False
+    return True
+
+
+@contextmanager
+def _placed(loaded: LoadedConfig, keys: tuple[int | str, ...], values: Parameters) -> Iterator[None]:
+    """Says of an expression where it is, and for which values it cannot be evaluated."""
+    try:
+        yield
+    except ConfigError as error:
+        raise loaded.error(keys, f"with {described(values)}: {error}") from error
 
 
 def described(parameters: Parameters) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from fgf_warp.errors import ConfigError
 from fgf_warp.scene import Camera
 from generators.dataset.scene_files import scene_folder
-from generators.planning.config import OrbitConfig
+from generators.planning.config import ELEVATION_MAX, OrbitConfig
 from generators.planning.digest import KeptHashes
 from generators.planning.targets import Target
 from generators.stage import BaseScene, load_scene
@@ -28,8 +28,6 @@ Key = tuple[float | str, ...]
 
 SCENES_KEPT = 4
 """Scenes that stay in memory: samples that are near each other in the plan are of few of them."""
-ELEVATION_MAX = 89.9
-"""[degree], either way: at a pole there is no telling what is up."""
 
 
 @dataclass(frozen=True)

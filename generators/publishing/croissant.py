@@ -7,7 +7,7 @@ path, which is the ``png`` of a label.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -59,6 +59,12 @@ FILES = {
 }
 """The files that the metadata has hashes of: name, description and kind."""
 SPLIT_URLS = {"train": "cr:TrainingSplit", "validation": "cr:ValidationSplit", "test": "cr:TestSplit"}
+
+
+def described_files(splits: Collection[str]) -> tuple[str, ...]:
+    """Those of `FILES` that a dataset may have whose plan has samples of these splits."""
+    absent = {layout.split_metadata(split) for split in layout.SPLITS if split not in splits}
+    return tuple(name for name in FILES if name not in absent)
 
 
 def write_croissant(meta: PlanMeta, index: pa.Table, files: Mapping[str, bytes], published: str | None = None) -> bytes:

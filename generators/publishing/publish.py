@@ -7,10 +7,9 @@ import pyarrow as pa
 from fgf_warp.output.color import write_png
 from generators.dataset import layout
 from generators.dataset.reader import Dataset
-from generators.dataset.scratch import scratch_folder
 from generators.publishing.card import write_card
 from generators.publishing.contact_sheet import draw_contact_sheet
-from generators.publishing.croissant import FILES, write_croissant
+from generators.publishing.croissant import described_files, write_croissant
 from generators.publishing.index import build_index, parquet_bytes, split_table
 
 
@@ -32,13 +31,14 @@ def publish(dataset: Dataset) -> None:
     dataset.store.write(layout.CONTACT_SHEET, _contact_sheet(dataset, index))
     dataset.store.write(layout.CARD, write_card(dataset.meta, index).encode())
     # The last, since it has the hashes of the others.
-    files = {name: dataset.store.read(name) for name in FILES if dataset.store.exists(name)}
+    described = described_files(dataset.splits)
+    files = {name: dataset.store.read(name) for name in described if dataset.store.exists(name)}
     dataset.store.write(layout.CROISSANT, write_croissant(dataset.meta, index, files))
 
 
 def _write_labels(dataset: Dataset, index: pa.Table) -> None:
     """The labels of each split that has complete samples."""
-    for split in layout.SPLITS:
+    for split in dataset.splits:
         labels = split_table(dataset.meta, index, split)
         if labels is None:
             dataset.store.remove(layout.split_metadata(split))
@@ -47,7 +47,8 @@ def _write_labels(dataset: Dataset, index: pa.Table) -> None:
 
 
 def _contact_sheet(dataset: Dataset, index: pa.Table) -> bytes:
-    with scratch_folder() as folder:
+    # What a run that is killed leaves of it lies with the dataset, whose next run removes it.
+    with dataset.store.workspace(layout.CONTACT_SHEET) as folder:
         path = folder / layout.CONTACT_SHEET
         write_png(path, draw_contact_sheet(dataset, index))
         return path.read_bytes()

@@ -40,7 +40,7 @@ class EventLog:
             return
         path = store.folder / name
         store.make_folder(name.rpartition("/")[0])
-        store.clear_way(name)
+        store.clear_way(name, even_links=True)
         try:
             self._file = path.open("a+b", buffering=0)
             self._drop_torn_line()

@@ -59,7 +59,7 @@ def opened(
             _refuse_other_content(plan, store)
             if store.folder:
                 _refuse_held_samples(plan, store.folder / layout.RUN, shard, indices)
-                store.clear_way(f"{layout.RUN}/{_shard_lock(shard)}")
+                store.clear_way(f"{layout.RUN}/{_shard_lock(shard)}", even_links=True)
                 held.enter_context(hold(store.folder / layout.RUN / _shard_lock(shard), wait=False))
             store.sweep([layout.sample_name(index) for index in indices])
             if config is not None and store.exists(layout.PLAN):
@@ -95,7 +95,7 @@ def sole(store: Store, *, makes: bool = False) -> Iterator[None]:
         raise OutputError(f"{store.location}: cannot be made a dataset's folder: {error.strerror}") from error
     lock = f"{layout.RUN}/{SHORT_LOCK}"
     store.make_folder(layout.RUN)
-    store.clear_way(lock)
+    store.clear_way(lock, even_links=True)
     with hold(store.folder / lock, wait=True):
         yield
 
@@ -136,7 +136,10 @@ def _refuse_other_content(plan: Plan, store: Store) -> None:
 def _check_plan(plan: Plan, store: Store) -> None:
     """Refuses to go on with a plan that has been changed, which would be published as if it were what was made."""
     content = store.read(layout.PLAN)
-    said = store.read(layout.CROISSANT) if store.exists(layout.CROISSANT) else b""
+    try:
+        said = store.read(layout.CROISSANT) if store.exists(layout.CROISSANT) else b""
+    except CorruptFileError:
+        said = b""  # such metadata tell nothing, and are written anew at the end
     sha256 = hashlib.sha256(content).hexdigest()
     (_, table), (_, own) = read_plan(content, layout.PLAN), read_plan(plan.to_bytes(), layout.PLAN)
     if claimed_hashes(said).get(layout.PLAN, sha256) != sha256 or not table.equals(own):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import time
@@ -229,7 +230,7 @@ class _Writer:
             index=sample.index,
             plan=self._plan.meta.digest,
             spp=result.samples,
-            standard_error=result.relative_standard_error,
+            standard_error=error if math.isfinite(error := result.relative_standard_error) else None,
             reached_error=None if over is None else result.relative_error(over),
             chosen_settings=_describe_choice(self._plan, result),
             truncated=result.truncated_count,

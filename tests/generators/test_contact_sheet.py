@@ -47,7 +47,7 @@ def dataset_of(folder, axes, rows, width=16, height=12, missing=(), rendered=Tru
         with tempfile.TemporaryDirectory() as temporary:
             write_exr(Path(temporary, layout.RADIANCE), render)
             exr = Path(temporary, layout.RADIANCE).read_bytes()
-        record = Record(index, meta.digest, 1, 0.1, 0, 0, files={layout.RADIANCE: file_entry(exr)})
+        record = Record(index, meta.digest, 1, 0, 0, 0.1, files={layout.RADIANCE: file_entry(exr)})
         files = {layout.RADIANCE: exr, layout.RECORD: encode(record), layout.TIMING: encode(Timing(1, 1, "w", 1))}
         store.commit(layout.sample_folder("train", index), files)
     return Dataset(folder)

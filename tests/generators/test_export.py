@@ -121,6 +121,16 @@ def test_curves_are_rows_of_an_array(tmp_path):
     assert np.isnan(arrays["mean_free_path"]).all()
 
 
+def test_an_image_that_is_too_large_is_not_read(tmp_path):
+    """It may be larger than memory."""
+    dataset = make_dataset(tmp_path / "set", missing=range(6, 24))
+    file = f"{dataset.folders[2]}/{layout.RADIANCE}"
+    with (tmp_path / "set" / file).open("r+b") as image:
+        image.truncate(2**42)  # a hole
+    with pytest.raises(CorruptFileError, match=f"{file}: is not what its record says"):
+        export(dataset, "npz", str(tmp_path / "out"))
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("damage", ["flipped", "gone"])
 def test_a_damaged_sample_is_named_and_leaves_no_export(tmp_path, kind, damage):

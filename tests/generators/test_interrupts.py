@@ -167,3 +167,21 @@ def test_every_command_says_that_it_was_stopped(monkeypatch):
     outcome = CliRunner().invoke(app, ["law", "--H", "-0.25", "--S_w", "1", "--sigma_m", "1"])
     assert outcome.exit_code == 3
     assert outcome.stderr == "error: stopped before the end; what is written is whole\n"
+
+
+DURING_IMPORTS = """
+import signal, sys
+class Finder:
+    def find_spec(self, name, *_):
+        if name == "typer":
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, Finder())
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from generators.entry import main
+main()
+"""
+
+
+def test_before_it_listens_a_program_ends_without_a_word():
+    done = subprocess.run([sys.executable, "-c", DURING_IMPORTS], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")

@@ -20,7 +20,7 @@ from generators.planning.plan import Plan, build_plan
 from generators.running.run import Workers, generate
 from tests.generators.small_plan import STAGE, content, labels
 
-FGF = [sys.executable, "-c", "from generators.cli import main; main()"]
+FGF = [sys.executable, "-c", "from generators.entry import main; main()"]
 KILLS, TRIALS = 50, 10
 SAMPLES = 32
 SOLID = """    def Sphere "Sphere" (

@@ -3,7 +3,13 @@
 import os
 import random
 import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
 import uuid
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +35,7 @@ from generators.running.shard import Shard
 from tests.generators.small_plan import NOT_EQUAL, STAGE
 from tests.usd.pictures import noise, write_picture
 
+REPOSITORY = Path(__file__).resolve().parents[2]
 ROOT = """#usda 1.0
 (
     defaultPrim = "World"
@@ -368,3 +375,63 @@ def test_pixels_of_pictures_count_and_not_their_names():
     pixels = np.zeros((1, 1, 4), np.uint8)
     assert canonical(Image("a", pixels)) == canonical(Image("b", pixels))
     assert canonical(Image("a", pixels)) != canonical(Image("a", pixels + 1))
+
+
+def test_a_config_whose_stage_is_gone_is_told_of_the_dataset_that_holds_it(tmp_path, fake_renderer):
+    config = write_project(tmp_path / "project")
+    fgf("generate", config, "--out", tmp_path / "own")
+    shutil.rmtree(tmp_path / "project/shot")
+    said = fgf("generate", config, "--out", tmp_path / "own", code=2)
+    assert f"there is no such stage; the dataset holds what it was made from: fgf generate {tmp_path / 'own'}" in said
+    assert "holds" not in fgf("generate", config, "--out", tmp_path / "other", code=2)
+
+
+COPIED = """
+import os, signal, sys
+from generators.dataset import store
+from generators.cli import app
+kept = store._place_folder
+def place(target, hidden, last):
+    if target.name == "scene":
+        (hidden / last).unlink()
+        os.kill(os.getpid(), signal.SIGKILL)
+    kept(target, hidden, last)
+store._place_folder = place
+app()
+"""
+
+
+def test_a_run_that_is_killed_while_it_copies_is_gone_on_with(tmp_path, fake_renderer):
+    config, data = write_project(tmp_path / "project"), tmp_path / "own"
+    command = [sys.executable, "-c", COPIED, "generate", str(config), "--out", str(data)]
+    killed = subprocess.run(command, capture_output=True, check=False, timeout=120, cwd=REPOSITORY)
+    assert killed.returncode == -signal.SIGKILL
+    assert not (data / "scene").exists()
+    assert [path for path in data.iterdir() if path.name.startswith(".scene.")]
+    fgf("generate", config, "--out", data)
+    assert not [path for path in data.iterdir() if path.name.startswith(".")]
+    make(config, tmp_path / "whole")
+    assert content(data) == content(tmp_path / "whole")
+
+
+def test_shards_that_begin_at_once_copy_the_stage_once(tmp_path, fake_renderer, monkeypatch):
+    """The first is held up while it copies, and the second waits for it."""
+    config, data = write_project(tmp_path / "project"), tmp_path / "own"
+    begun, copies, keep = threading.Event(), [], Store.place
+
+    def slowly(store, folder, fill, last):
+        copies.append(folder)
+        begun.set()
+        time.sleep(0.5)
+        keep(store, folder, fill, last)
+
+    monkeypatch.setattr(Store, "place", slowly)
+    with ThreadPoolExecutor(2) as pool:
+        first = pool.submit(make, config, data, shard=Shard(0, 2))
+        assert begun.wait(60)
+        second = pool.submit(make, config, data, shard=Shard(1, 2))
+        first.result(120)
+        second.result(120)
+    assert copies == ["scene"]
+    make(config, tmp_path / "whole")
+    assert content(data) == content(tmp_path / "whole")

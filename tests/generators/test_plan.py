@@ -20,6 +20,7 @@ from generators.planning.plan import build_plan
 from generators.planning.sampling import sample_seed, sample_seeds
 from generators.planning.scenes import orbiting
 from generators.planning.seeds import seed_words
+from tests.generators.small_plan import small_plan
 from tests.scenes import furnace
 from usd_scenes.reader import StageReading
 
@@ -532,3 +533,22 @@ def test_a_scene_without_media_can_be_planned_and_not_swept(plan_of):
     assert list(rows_of(plan)[0]) == ["index", "split", "seed"]
     with pytest.raises(ConfigError, match=r"axes: s.usda has no medium to sweep"):
         plan_of(bare, axes={"H": [-0.5]})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("constraints=[H < 0, H + 1]", "constraints[1]: with H = -0.4, g = -0.5: H + 1 is 0.6; accepted: a comparison"),
+        ("axes.g={expression: 1 / (H + 0.4)}", "axes.g.expression: with H = -0.4: 1 / (H + 0.4) has no value: "),
+        ("orbit={distance: 0}", "orbit.distance: found 0; accepted: greater than 0"),
+        ("orbit={elevation: 90, distance: 1}", "orbit.elevation: found 90; accepted: less than or equal to 89.9"),
+        ("axes.g={geometric: [1, 1e300, 2]}", "found 1e+300; accepted: less than or equal to 1e+100"),
+        ("axes.g=[]", "axes.g: found []; accepted: at least 1 item"),
+        (f"constraints=[{', '.join(['H < 0'] * 101)}]", "accepted: at most 100 items"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_told_with_its_place(tmp_path, change, message):
+    with pytest.raises(ConfigError) as caught:
+        small_plan(tmp_path, change)
+    assert message in str(caught.value)
+    assert str(caught.value).startswith("--set ")

@@ -221,3 +221,97 @@ def test_a_single_sample_is_rendered_again_elsewhere(folder, tmp_path):
     refused = CliRunner().invoke(app, ["generate", str(folder / "config.yaml"), "--sample", "6"])
     assert refused.exit_code == 2
     assert "--sample 6: accepted: 0 to 5" in refused.stderr
+
+
+def test_links_out_of_a_dataset_are_moved_aside_and_never_written_through(folder, tmp_path):
+    """In the place of a sample's folder, of a split's, of a file, and of what a run appends to."""
+    before = content(folder)
+    theirs = tmp_path / "theirs"
+    theirs.mkdir()
+    for name in ("radiance.exr", "notes.txt", "events.jsonl"):
+        (theirs / name).write_text("mine")
+    shutil.rmtree(folder / SAMPLES[1])
+    (folder / SAMPLES[1]).symlink_to(theirs)
+    (folder / SAMPLES[2] / "radiance.exr").unlink()
+    (folder / SAMPLES[2] / "radiance.exr").symlink_to(theirs / "notes.txt")
+    looked = CliRunner().invoke(app, ["verify", str(folder)])
+    assert f"{SAMPLES[1]}: a link that is not of the dataset" in looked.stdout
+    outcome = repair(folder)
+    assert outcome.exit_code == 0, outcome.output
+    assert (folder / f"{SAMPLES[1]}.aside").readlink() == theirs
+    (folder / f"{SAMPLES[1]}.aside").unlink()
+    assert content(folder) == before
+    shutil.rmtree(folder / "data/train")
+    (folder / "data/train").symlink_to(theirs)
+    (folder / "run/events.jsonl").unlink(missing_ok=True)
+    (folder / "run/events.jsonl").symlink_to(theirs / "events.jsonl")
+    (folder / "run/lock").unlink()
+    (folder / "run/lock").symlink_to(theirs / "lock")
+    again = CliRunner().invoke(app, ["generate", str(folder)])
+    assert again.exit_code == 0, again.output
+    assert {path.name: path.read_text() for path in theirs.iterdir()} == dict.fromkeys(
+        ("radiance.exr", "notes.txt", "events.jsonl"), "mine"
+    )
+    (folder / "data/train.aside").unlink()
+    assert content(folder) == before
+
+
+def test_a_table_of_a_split_that_the_plan_does_not_have_is_of_someone_else(folder):
+    before = content(folder)
+    (folder / "data/test").mkdir()
+    (folder / "data/test/metadata.parquet").write_text("mine")
+    flip(folder / "README.md")
+    looked = CliRunner().invoke(app, ["verify", str(folder)])
+    assert "1 damaged, 1 surplus" in looked.stdout
+    assert repair(folder).exit_code == 0
+    assert (folder / "data/test/metadata.parquet").read_text() == "mine"
+    assert content(folder) == before
+
+
+def test_samples_of_a_damaged_stage_wait_for_it(folder, rendered):
+    before = content(folder)
+    flip(folder / SAMPLES[0] / "radiance.exr")
+    (stage,) = (folder / "scene").glob("*.usda")
+    stage.write_text(stage.read_text().replace("}", "", 1))
+    outcome = repair(folder)
+    assert outcome.exit_code == 4
+    assert "samples that wait for the stages to be rendered again: 0\n" in outcome.stdout
+    back = CliRunner().invoke(app, ["generate", str(rendered / "config.yaml"), "--out", str(folder)])
+    assert back.exit_code == 4, back.output  # the labels wait for the sample
+    assert repair(folder).exit_code == 0
+    assert content(folder) == before
+
+
+def test_a_changed_plan_is_seen_where_the_metadata_cannot_tell_of_it(folder):
+    before = content(folder)
+    path = folder / "plan.parquet"
+    table = pq.read_table(path)
+    ((key, said),) = table.schema.metadata.items()
+    pq.write_table(table.replace_schema_metadata({key: said.replace(b'"exposure": 0', b'"exposure": 3')}), path)
+    assert path.read_bytes() != before["plan.parquet"]
+    (folder / "croissant.json").unlink()
+    outcome = repair(folder)
+    assert outcome.exit_code == 0, outcome.output
+    assert "made plan.parquet anew" in outcome.stdout
+    assert content(folder) == before
+
+
+def test_metadata_that_cannot_be_read_keep_no_stage_from_coming_back(folder, rendered):
+    before = content(folder)
+    with (folder / "croissant.json").open("r+b") as file:
+        file.truncate(2**32)
+    (folder / "scene/files.json").write_text("{}")
+    flip(folder / SAMPLES[0] / "radiance.exr")
+    assert repair(folder).exit_code == 4
+    CliRunner().invoke(app, ["generate", str(rendered / "config.yaml"), "--out", str(folder)])
+    assert repair(folder).exit_code == 0
+    assert content(folder) == before
+
+
+def test_plan_and_stage_that_are_both_damaged_are_told(folder):
+    flip(folder / "plan.parquet")
+    (stage,) = (folder / "scene").glob("*.usda")
+    stage.write_text("#usda 1.0")
+    outcome = repair(folder)
+    assert outcome.exit_code == 4
+    assert f"scene/{stage.name}: 9 bytes; plan.parquet follows from it and is damaged too" in outcome.stderr

@@ -20,12 +20,15 @@ import fgf_warp.renderer
 from fgf_warp.errors import ConfigError, CorruptFileError, NumericalError, OutputError
 from fgf_warp.locks import HeldError, hold
 from fgf_warp.output.exr import read_exr
+from generators.checking.verify import verify_dataset
 from generators.cli import app
 from generators.dataset import layout, store
 from generators.dataset.plan_table import read_plan, write_plan
 from generators.dataset.reader import Dataset
 from generators.dataset.record import Failure, encode
 from generators.dataset.store import GoneError, Store
+from generators.planning.document import load_config
+from generators.planning.plan import build_plan
 from generators.running import render
 from generators.running.messages import Chunk
 from generators.running.render import render_chunk
@@ -675,3 +678,11 @@ def test_folders_that_others_make_meanwhile_are_not_moved_aside(tmp_path):
             list(pool.map(put, range(16)))
         assert len(list((data / "data/train").glob("*/record.json"))) == 16
         assert [path.name for path in sorted(data.iterdir())] == ["data", *(["data.aside"] if round_ % 2 else [])]
+
+
+def test_of_one_sample_per_pixel_the_error_is_not_known(tmp_path):
+    loaded = load_config(write_config(tmp_path), ["spp=1", "axes.g=[0]"])
+    generate(build_plan(loaded), loaded.to_bytes(), tmp_path / "data")
+    dataset = Dataset(tmp_path / "data")
+    assert verify_dataset(dataset, deep=True).is_whole
+    assert labels(tmp_path / "data")["standard_error"].to_pylist() == [None, None]

@@ -106,6 +106,15 @@ def other_name(document):
     document["name"] = "something else"
 
 
+def many_urls(document):
+    document["distribution"][0]["contentUrl"] = ["index.parquet", {}]
+
+
+def table_of_no_split(document):
+    listed = next(one for one in document["distribution"] if one.get("contentUrl") == "data/test/metadata.parquet")
+    document["distribution"].append({**listed, "contentUrl": "data/other/metadata.parquet"})
+
+
 def no_list(document):
     document["distribution"] = {"files": []}
 
@@ -114,7 +123,10 @@ def other_column(document):
     document["recordSet"][-1]["field"][3]["description"] = "something else"
 
 
-CHANGES = (other_url, url_of_another, without_a_hash, without_a_file, other_size, other_name, no_list, other_column)
+CHANGES = (
+    *(other_url, url_of_another, many_urls, table_of_no_split, without_a_hash, without_a_file),
+    *(other_size, other_name, no_list, other_column),
+)
 
 
 @pytest.mark.parametrize("change", CHANGES)
@@ -353,3 +365,31 @@ def test_a_note_on_a_failure_that_is_damaged_is_named(tmp_path):
 def test_numbers_are_told_as_ranges():
     assert name_ranges([0, 1, 2, 5, 7, 8]) == "0-2, 5, 7-8"
     assert name_ranges([]) == ""
+
+
+def test_a_plan_without_samples_is_damaged(folder):
+    path = folder / layout.PLAN
+    pq.write_table(pq.read_table(path).slice(0, 0), path)
+    (found,) = findings(folder)
+    assert str(found) == "plan.parquet: is damaged; expected: the table of a plan"
+
+
+def test_a_finding_is_a_line_whatever_a_file_says(folder):
+    path = folder / layout.CROISSANT
+    document = json.loads(path.read_text())
+    document["distribution"][0]["contentUrl"] = "one\ntwo\x1b[31m"
+    path.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n")
+    lines = [str(finding) for finding in findings(folder)]
+    assert any("contentUrl one\\ntwo\\x1b[31m; expected" in line for line in lines)
+    assert all(line.isprintable() for line in lines)
+
+
+def test_a_plan_whose_bounds_are_no_numbers_is_damaged(folder):
+    path = folder / layout.PLAN
+    table = pq.read_table(path)
+    ((key, content),) = table.schema.metadata.items()
+    meta = json.loads(content)
+    meta["quality"]["spp"] = "many"
+    pq.write_table(table.replace_schema_metadata({key: json.dumps(meta)}), path)
+    (found,) = findings(folder)
+    assert str(found) == "plan.parquet: is damaged; expected: the table of a plan"

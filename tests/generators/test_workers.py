@@ -27,7 +27,7 @@ from tests.generators.test_run import told
 
 DRAWS = "draws=8"
 """48 samples."""
-FGF = [sys.executable, "-c", "from generators.cli import main; main()"]
+FGF = [sys.executable, "-c", "from generators.entry import main; main()"]
 
 
 @pytest.fixture(scope="module")

@@ -69,12 +69,14 @@ class Split:
             yield Sample(index, row, self._read(index, layout.RADIANCE, files), png)
 
     def _read(self, index: int, file: str, files: Mapping[str, FileEntry]) -> bytes:
-        name = f"{self.dataset.folders[index]}/{file}"
+        name, entry = f"{self.dataset.folders[index]}/{file}", files.get(file)
         try:
-            content = self.dataset.store.read(name)
+            path = self.dataset.store.local_file(name)
+            # One that is too large is not even read: it may be larger than memory.
+            content = None if path and entry and path.stat().st_size > entry.bytes else self.dataset.store.read(name)
         except FileNotFoundError as error:
             raise _damaged(f"{self.dataset.store.location}/{name}", "is missing") from error
-        if file_entry(content) != files.get(file):
+        if content is None or file_entry(content) != entry:
             raise _damaged(f"{self.dataset.store.location}/{name}", "is not what its record says")
         return content
 
