@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from fgf_warp.bvh_kernel import WIDTH, choose_cuts, open_nodes, split_ranges
+from fgf_warp.bvh_kernel import WIDTH, open_nodes
+from fgf_warp.bvh_splitting import split_boxes
 from fgf_warp.headers import load_on_cpu
 
 LEAF = 8
@@ -146,7 +147,7 @@ def build_box_tree(low: np.ndarray, high: np.ndarray, leaf: int) -> BoxTree:
     """
     lo, hi = (wp.array(corners, dtype=wp.vec3, device="cpu", copy=False) for corners in (low, high))
     order = wp.array(np.arange(len(low), dtype=np.int32), dtype=int, device="cpu", copy=False)
-    ranges, cuts = _split(lo, hi, leaf, order)
+    ranges, cuts = split_boxes(lo, hi, leaf, order)
     # What is not written takes no memory.
     boxes = wp.empty(shape=(len(low), 6, WIDTH), dtype=float, device="cpu")
     children = wp.empty(shape=(len(low), WIDTH), dtype=int, device="cpu")
@@ -164,21 +165,6 @@ def build_box_tree(low: np.ndarray, high: np.ndarray, leaf: int) -> BoxTree:
     return BoxTree(
         boxes.numpy()[:node_count], children.numpy()[:node_count], leaves.numpy()[:leaf_count], order.numpy()
     )
-
-
-def _split(lo: wp.array, hi: wp.array, leaf: int, order: wp.array) -> tuple[wp.array, wp.array]:
-    """Reorders boxes into ranges, (n, 4) int, and returns these and how they are cut, (n, 17) uint8."""
-    count = len(order)
-    ranges = wp.empty(shape=(count, 4), dtype=int, device="cpu")
-    areas = wp.empty(shape=count, dtype=float, device="cpu")
-    size = wp.zeros(1, dtype=int, device="cpu")
-    waiting = wp.empty(shape=(count, 3), dtype=int, device="cpu")
-    wp.launch(split_ranges, dim=1, inputs=[lo, hi, leaf], outputs=[order, waiting, ranges, areas, size], device="cpu")
-    ranges = ranges[: int(size.numpy()[0])]
-    costs = wp.empty(shape=(count + 3, WIDTH + 1), dtype=float, device="cpu")
-    cuts = wp.empty(shape=(max(len(ranges), 1), WIDTH + 1), dtype=wp.uint8, device="cpu")
-    wp.launch(choose_cuts, dim=1, inputs=[leaf, ranges, areas], outputs=[costs, cuts], device="cpu")
-    return ranges, cuts
 
 
 def _widen(boxes: np.ndarray, margin: np.float32) -> np.ndarray:

@@ -207,6 +207,7 @@ def split_ranges(
     lo: wp.array(dtype=wp.vec3),
     hi: wp.array(dtype=wp.vec3),
     leaf: int,
+    most: int,
     order: wp.array(dtype=int),
     waiting: wp.array2d(dtype=int),
     ranges: wp.array2d(dtype=int),
@@ -215,23 +216,22 @@ def split_ranges(
 ):
     """Splits all boxes until every range fits in a leaf, which holds `leaf` of them at most, and reorders them so.
 
+    most: ranges, after which it ends.
     waiting: right parts, while what is left of them is split: (first, count, the range that they are of).
-    ranges: that do not fit in a leaf: (first, count, size of the left part, right part); a part that does not fit comes
-        after the whole, the left one next, and one that fits is no range.
+    ranges: that do not fit in a leaf: (size of the left part, right part); a part that does not fit comes after the
+        whole, the left one next, and one that fits is no range: -1.
     size: how many ranges there are.
     """
     made = int(0)
     first = int(0)
     count = int(lo.shape[0])
     depth = int(0)
-    while depth >= 0:
+    while depth >= 0 and made < most:
         if count > leaf:
             left, area = split(lo, hi, order, first, count, leaf)
             areas[made] = area
-            ranges[made, 0] = first
-            ranges[made, 1] = count
-            ranges[made, 2] = left
-            ranges[made, 3] = -1
+            ranges[made, 0] = left
+            ranges[made, 1] = -1
             waiting[depth, 0] = first + left
             waiting[depth, 1] = count - left
             waiting[depth, 2] = made
@@ -244,13 +244,14 @@ def split_ranges(
                 first = waiting[depth, 0]
                 count = waiting[depth, 1]
                 if count > leaf:
-                    ranges[waiting[depth, 2], 3] = made
+                    ranges[waiting[depth, 2], 1] = made
     size[0] = made
 
 
 @wp.kernel
 def choose_cuts(
     leaf: int,
+    below: int,
     ranges: wp.array2d(dtype=int),
     areas: wp.array(dtype=float),
     costs: wp.array2d(dtype=float),
@@ -258,22 +259,23 @@ def choose_cuts(
 ):
     """Which ranges become nodes, for the least total area of nodes (Ylitie, Karras and Laine 2017, section 3).
 
+    below: parts of a single range whose costs are there already, the left one's last, of those that are ranges too.
     costs: of ranges whose wholes come later, as at most s children of a node above them; row 0 is that of all that fits
-        in a leaf.
+        in a leaf. In the end row 1 is that of the first range.
     cuts: how many of these s the left part has; 0 if s - 1 do as well. With s = WIDTH, those of its own node.
     """
     for s in range(WIDTH + 1):
         costs[0, s] = 0.0
-    held = int(1)
+    held = 1 + below
     for i in range(ranges.shape[0]):
         one = ranges.shape[0] - 1 - i
         # Parts come after the whole, so from the end the left one comes last.
         left = int(0)
         right = int(0)
-        if ranges[one, 2] > leaf:
+        if ranges[one, 0] > leaf:
             held -= 1
             left = held
-        if ranges[one, 3] >= 0:
+        if ranges[one, 1] >= 0:
             held -= 1
             right = held
         # A row that nothing holds, as both parts are read to the end.
@@ -354,8 +356,8 @@ def open_nodes(
                     slots -= 1
                 if slots > 1 and one >= 0:
                     cut = int(cuts[one, slots])
-                    left = ranges[one, 2]
-                    part_range[parts] = ranges[one, 3]
+                    left = ranges[one, 0]
+                    part_range[parts] = ranges[one, 1]
                     part_first[parts] = part_first[part] + left
                     part_count[parts] = part_count[part] - left
                     part_slots[parts] = slots - cut

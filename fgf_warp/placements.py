@@ -42,9 +42,8 @@ def are_usable(places: np.ndarray) -> np.ndarray:
         for at in blocks(len(places)):
             columns = np.ascontiguousarray(places[at].transpose(2, 1, 0))
             axes, position = columns[:3], columns[3]
-            after, before = axes[AFTER], axes[BEFORE]
-            cofactors = after[:, AFTER] * before[:, BEFORE] - after[:, BEFORE] * before[:, AFTER]
-            volume = np.abs(np.einsum("in,in->n", axes[0], cofactors[0]))
+            cofactors, volume = _cofactors(axes)
+            volume = np.abs(volume)
             largest = np.maximum(
                 np.abs(cofactors).max(axis=(0, 1)), np.abs((cofactors * position).sum(axis=1)).max(axis=0)
             )
@@ -52,6 +51,19 @@ def are_usable(places: np.ndarray) -> np.ndarray:
                 (np.abs(columns).max(axis=(0, 1)) <= FLOAT32_MAX) & (volume > 0) & (largest <= FLOAT32_MAX * volume)
             )
     return found
+
+
+def invert_axes(places: np.ndarray) -> np.ndarray:
+    """(n, 3, 3), the inverse of what few places, (n, 3, 4), which `are_usable`, do to directions."""
+    cofactors, volume = _cofactors(np.ascontiguousarray(places[:, :, :3].transpose(2, 1, 0)))
+    return (cofactors / volume).transpose(2, 0, 1)
+
+
+def _cofactors(axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of matrices' columns, (3, 3, n), the rows of their inverses, (3, 3, n), times determinants, and these, (n,)."""
+    after, before = axes[AFTER], axes[BEFORE]
+    cofactors = after[:, AFTER] * before[:, BEFORE] - after[:, BEFORE] * before[:, AFTER]
+    return cofactors, np.einsum("in,in->n", axes[0], cofactors[0])
 
 
 def bound_places(places: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1130,7 +1130,9 @@ class Scene:
     source: str = field(default="")
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "shapes", tuple(body for shape in self.shapes for body in bodies_of(shape)))
+        bodies = tuple(body for shape in self.shapes for body in bodies_of(shape))
+        if bodies != self.shapes:  # Else the same tuple stays, by which one sees that another scene's are the same.
+            object.__setattr__(self, "shapes", bodies)
         for shape in self.shapes:
             if shape.medium is not None and not 0 <= shape.medium < len(self.media):
                 raise SceneError(f"{shape.name}: medium {shape.medium} is not one of the scene's {len(self.media)}")

@@ -11,7 +11,7 @@ import warp as wp
 
 from fgf_warp.device import bvh, geometry
 from fgf_warp.integrator import SOLID_KINDS
-from fgf_warp.placements import BLOCK, blocks, compose, squared
+from fgf_warp.placements import BLOCK, blocks, compose, invert_axes, squared
 from fgf_warp.scene import Instances, Mesh, Shape, Solid, count_of, moves
 
 INSTANCE_MARGIN = 1e-6
@@ -86,7 +86,7 @@ def upload_instances(
     rows["item"] = _numbers(items, surfaces)
     rows["motion"] = _motions(items, motions)
     for at, places in _blocks(items):
-        rows["to_object"][at] = np.linalg.inv(places[:, :, :3])
+        rows["to_object"][at] = invert_axes(places)
         rows["position"][at] = places[:, :, 3]
     return upload_array(rows, bvh.Instance, device)
 

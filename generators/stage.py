@@ -12,7 +12,7 @@ from fgf_warp.scene import Camera, Scene
 from fgf_warp.settings import Aov
 
 if TYPE_CHECKING:
-    from usd_scenes.reader import Edits, StageReading
+    from usd_scenes.reader import Edits, OpenStages, StageReading
 
 DEFAULT_WIDTH = 960
 """[pixel], of a stage without a resolution; as of usdrecord."""
@@ -70,6 +70,7 @@ def load_scene(
     render_settings: str | None = None,
     product: str | None = None,
     edits: Edits | None = None,
+    stages: OpenStages | None = None,
     width: int | None = None,
     height: int | None = None,
 ) -> BaseScene:
@@ -86,6 +87,7 @@ def load_scene(
         render_settings: prim path; None takes those that the stage names, else the first.
         product: prim path of the RenderProduct; None takes the settings' first.
         edits: values in place of the stage's, see `usd_scenes.reader.Edits`.
+        stages: that have been entered, and keep what was read last, see `usd_scenes.reader.read_scene`.
         width: [pixel]; see `image_size`.
         height: [pixel].
 
@@ -106,6 +108,7 @@ def load_scene(
         render_settings=render_settings,
         product=product,
         edits=edits,
+        stages=stages,
     )
     base, warnings = base_scene(reading, width, height)
     return replace(base, warnings=(*reading.warnings, *warnings))

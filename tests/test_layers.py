@@ -24,7 +24,8 @@ ALLOWED = {
     "fgf_warp.integrator": ("fgf_warp.device", "fgf_warp.features", "fgf_warp.settings"),
     "fgf_warp.bvh_kernel": (),
     "fgf_warp.headers": (),
-    "fgf_warp.bvh": ("fgf_warp.bvh_kernel", "fgf_warp.headers"),
+    "fgf_warp.bvh_splitting": ("fgf_warp.bvh_kernel",),
+    "fgf_warp.bvh": ("fgf_warp.bvh_kernel", "fgf_warp.bvh_splitting", "fgf_warp.headers"),
     "fgf_warp.upload": (
         "fgf_warp.bvh",
         "fgf_warp.device",
@@ -103,6 +104,7 @@ ONLY_IN = {
         "fgf_warp.device",
         "fgf_warp.bvh",
         "fgf_warp.bvh_kernel",
+        "fgf_warp.bvh_splitting",
         "fgf_warp.headers",
         "fgf_warp.integrator",
         "fgf_warp.upload",

@@ -47,12 +47,12 @@ DESIGN_KEY = 2**31
 
 
 def sample_seed(dataset_seed: int, index: int) -> int:
-    """Seed of a sample, in [0, 2^63); the module says how."""
-    return sample_seeds(dataset_seed, [index])[0]
+    """Seed of a sample, in [0, 2^63); the module says how. The index may be any number, such as another seed."""
+    return int(np.random.SeedSequence(dataset_seed, spawn_key=(index,)).generate_state(1, np.uint64)[0]) >> 1
 
 
 def sample_seeds(dataset_seed: int, indices: Sequence[int]) -> list[int]:
-    """Seeds of samples, in their order."""
+    """Seeds of samples, in their order: those of `sample_seed`, all at once."""
     return (seed_words(dataset_seed, indices) >> np.uint64(1)).tolist()
 
 

@@ -63,8 +63,12 @@ class Recipe:
         kinds = (target.kind for target in self.targets.values())
         return tuple(value for kind, value in zip(kinds, key, strict=True) if kind != "orbit")
 
-    def read_stage(self, stage_key: Key) -> BaseScene:
+    def read_stage(self, stage_key: Key, stages: OpenStages) -> BaseScene:
         """A stage with other values, with its own camera; its source is the name of the stage's file alone.
+
+        Args:
+            stage_key: the values, as of `stage_key`.
+            stages: that have been entered.
 
         Raises:
             FgfError: where the stage is not there, not accepted, or not with these values.
@@ -83,6 +87,7 @@ class Recipe:
             camera=view["camera"],
             frame=view["frame"],
             edits=edits,
+            stages=stages,
             width=self.width,
             height=self.height,
         )
@@ -145,7 +150,7 @@ class SceneReader:
 
         self._open = self._open or OpenStages()
         with self._open:
-            return self.recipe.read_stage(stage_key)
+            return self.recipe.read_stage(stage_key, self._open)
 
 
 def stage_name(path: str) -> str:

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from fgf_warp.bvh import build_wide_tree
+from fgf_warp import bvh_splitting
+from fgf_warp.bvh import build_box_tree, build_wide_tree
 from fgf_warp.device.geometry import LIGHT
+from fgf_warp.placements import invert_axes
 from fgf_warp.scene import Mesh, MeshLight, Surface
 from tests.contracts.device_kernels import RICH, hit_meshes, meet_meshes
 from usd_scenes.examples import trefoil_tube
@@ -279,3 +281,34 @@ def test_surfaces_that_were_passed_are_not_met_again():
         hits = hit_meshes([soup], origin, direction, kept=RICH, passed=passed)
         assert hits.t[0] == pytest.approx(t, rel=1e-5)
         passed = float(hits.t[0])
+
+
+CENTERS = {
+    "a cloud": lambda rng: rng.normal(size=(600, 3)),
+    "half of them in one place": lambda rng: np.where(np.arange(600)[:, None] % 2, rng.normal(size=(600, 3)), 1.0),
+    "all in one place": lambda rng: np.ones((600, 3)),
+    "one after the other far away": lambda rng: 1.07 ** np.arange(600)[:, None] * np.ones(3),
+    "few": lambda rng: rng.normal(size=(9, 3)),
+}
+
+
+@pytest.mark.parametrize("leaf", [1, 8])
+@pytest.mark.parametrize("kind", CENTERS)
+def test_a_tree_that_is_split_in_parts_is_that_of_the_whole(kind, leaf, monkeypatch):
+    """The left half of a part lies where its whole was, and what is below a part may be no range at all."""
+    centers = CENTERS[kind](np.random.default_rng(5)).astype(np.float32)
+    found = []
+    for part in (len(centers), 64, leaf):
+        monkeypatch.setattr(bvh_splitting, "PART_MIN", part)
+        monkeypatch.setattr(bvh_splitting, "PARTS", len(centers))
+        low, high = centers - np.float32(0.1), centers + np.float32(0.1)
+        tree = build_box_tree(low, high, leaf)
+        found.append([tree.boxes, tree.children, tree.leaves, tree.order, low, high])
+    for parts in found[1:]:
+        assert all(np.array_equal(one, other) for one, other in zip(parts, found[0], strict=True))
+
+
+def test_inverses_of_places_are_those_of_their_matrices():
+    places = np.random.default_rng(6).normal(size=(500, 3, 4)) * 10.0 ** np.arange(-5, 5).repeat(50)[:, None, None]
+    found = invert_axes(places)
+    assert np.abs(places[:, :, :3] @ found - np.eye(3)).max() < 1e-11

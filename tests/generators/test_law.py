@@ -66,7 +66,7 @@ def test_kappa_beside_s_w_is_said():
         ({"white_noise_scale": None}, "S_w or kappa is needed"),
         ({"mean_extinction": 0.0}, "sigma_m = 0; accepted"),
         ({"hurst": 0.5}, "needs an outer scale L"),
-        ({"lengths": [1.0, -1.0]}, "t = 1, -1; accepted"),
+        ({"lengths": [1.0, -1.0]}, "t = -1; accepted"),
         ({"lengths": [float("inf")]}, "t = inf; accepted"),
         ({"mean_extinction": 0.0, "white_noise_scale": 0.0}, "say at which t"),
     ],

@@ -10,6 +10,7 @@ from scipy import stats
 
 import usd_scenes.reader
 from fgf_warp.errors import ConfigError, SceneError
+from fgf_warp.scene import DomeLight
 from fgf_warp.theory.law import build_line_law
 from generators.dataset.plan_table import read_plan
 from generators.planning.config import OrbitConfig
@@ -220,6 +221,14 @@ def test_hashes_by_parts_are_those_of_the_whole(scene):
     for azimuth in (0.0, 30.0):
         moved = scene.with_camera(orbiting(scene.camera, OrbitConfig(distance=4.0, azimuth=azimuth), "Y"))
         assert hashes.of(moved) == content_hash(canonical(moved))
+
+
+def test_hashes_by_parts_see_each_light(scene):
+    hashes = KeptHashes()
+    for brightness in (1.0, 2.0, *range(3, 3 + KeptHashes.KEPT_MAX), 1.0):
+        lights = [DomeLight(name=name, radiance=(brightness * k, 1.0, 0.5)) for k, name in enumerate("abc")]
+        lit = replace(scene, lights=(*scene.lights, *lights))
+        assert hashes.of(lit) == content_hash(canonical(lit))
 
 
 def test_a_plan_tells_how_far_it_is(config_path):

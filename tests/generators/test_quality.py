@@ -12,6 +12,7 @@ from fgf_warp.errors import ConfigError
 from fgf_warp.renderer import Variant, advance, begin, build_model, develop, image_bytes, step
 from fgf_warp.settings import GIB
 from generators.checking.verify import verify_dataset
+from generators.dataset import layout
 from generators.dataset.reader import Dataset
 from generators.dataset.store import Store
 from generators.publishing.words import describe_quality
@@ -84,8 +85,9 @@ def test_progress_counts_samples_over_the_batches_of_a_chunk(tmp_path):
     plan = small_plan(tmp_path, "spp=", "quality={target_error: 0.05, max_spp: 256}")
     # Two images of two halves at once.
     plan = replace(plan, settings=replace(plan.settings, memory=4.5 * image_bytes(plan.settings) / GIB))
-    shares = []
-    finished = list(render_chunk(plan, Store(tmp_path / "data"), Chunk(tuple(range(6))), Way(), shares.append))
+    store, shares = Store(tmp_path / "data"), []
+    store.write(layout.PLAN, plan.to_bytes())
+    finished = list(render_chunk(plan, store, Chunk(tuple(range(6))), Way(), shares.append))
     assert len(finished) == 6
     assert 0 < min(shares) < max(shares) <= 6
     assert max(shares) > 4

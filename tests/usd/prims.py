@@ -1,4 +1,6 @@
-"""Parts of stages as text."""
+"""Parts of stages as text, and what is told of them."""
+
+from usd_scenes.reader.notes import VALUES
 
 HEADER = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Y"\n)\n'
 CAMERA = """def Camera "Camera"
@@ -45,3 +47,9 @@ def preview_sphere(inputs: str, inside: str = "") -> str:
     }}
     {inside}""",
     )
+
+
+def as_told(text: str) -> str:
+    """The warning of "text: paths", which goes on from the paths where it is of their values."""
+    found, _, paths = text.rpartition(": ")
+    return f"{paths} {found}" if found.startswith(VALUES) else text

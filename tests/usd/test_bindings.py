@@ -128,7 +128,7 @@ def Mesh "N"\n{{
     assert diffuse("/M/Bound")[0] == 0.9
     assert diffuse("/M/Free")[0] == 0.1
     assert diffuse("/M")[0] == 0.1
-    assert diffuse("/N/Free") == PrimvarInput("displayColor", fallback=(0.1, 0.0, 0.0))
+    assert diffuse("/N/Free") == PrimvarInput("displayColor", fallback=(0.18, 0.18, 0.18))
 
 
 def test_instances_are_bound_inside_their_prototype(read) -> None:
@@ -147,7 +147,9 @@ def test_instances_are_bound_inside_their_prototype(read) -> None:
 def test_a_binding_to_no_material_is_named(read, target: str) -> None:
     prims = sphere(f"rel material:binding = <{target}>")
     reading = read(prims)
-    assert "bound to something that is no Material: /Ball.material:binding" in reading.warnings
+    assert (
+        "bound to something that is no Material; the display color is used: /Ball.material:binding" in reading.warnings
+    )
     assert reading.scene.shapes[0].surface == Surface()
     with pytest.raises(SceneError, match=r"/Ball.material:binding: bound to something that is no Material"):
         read(prims, strict=True)
@@ -198,7 +200,7 @@ def test_display_color_and_opacity_may_vary_over_a_mesh(read) -> None:
     primvars = """color3f[] primvars:displayColor = [(0.1, 0, 0), (0.2, 0, 0)] (interpolation = "uniform")
     float[] primvars:displayOpacity = [0.5]"""
     surface = read(mesh(primvars)).scene.shapes[0].surface
-    assert surface == Surface(PrimvarInput("displayColor", fallback=(0.1, 0.0, 0.0)), opacity=0.5)
+    assert surface == Surface(PrimvarInput("displayColor", fallback=(0.18, 0.18, 0.18)), opacity=0.5)
 
 
 def test_equal_display_colors_are_one(read) -> None:

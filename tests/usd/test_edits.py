@@ -1,6 +1,8 @@
 import pytest
 
+import usd_scenes.reader.stage
 from fgf_warp.errors import SceneError
+from generators.planning.digest import canonical
 from usd_scenes.reader import EditError, OpenStages, read_scene
 
 STAGE = """#usda 1.0
@@ -141,3 +143,141 @@ def test_what_cannot_be_edited_is_refused(edited, target, value, message):
 def test_a_value_out_of_its_range_is_refused_by_the_reader(edited):
     with pytest.raises(SceneError, match=r"/World/Ball.radius = -1; accepted"):
         edited({"/World/Ball.radius": -1.0})
+
+
+LIT = """#usda 1.0
+(
+    defaultPrim = "World"
+    metersPerUnit = 1
+    upAxis = "Y"
+)
+def Xform "World"
+{
+    def Sphere "Ball"
+    {
+    }
+    def Sphere "Egg"
+    {
+    }
+    def SphereLight "Lamp"
+    {
+        float inputs:radius = 0.5
+        double3 xformOp:translate = (0, 3, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    def SphereLight "Point"
+    {
+        float inputs:radius = 0
+        bool inputs:normalize = 1
+    }
+    def Xform "Rig"
+    {
+        double3 xformOp:translate = (0, 5, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+
+        def DiskLight "Spot"
+        {
+            rel light:filters = </World/Ball>
+            rel collection:lightLink:includes = </World/Ball>
+            rel collection:shadowLink:excludes = </World/Egg>
+            uniform bool collection:lightLink:includeRoot = 0
+
+            MORE
+        }
+    }
+    MORE_OF_WORLD
+}
+"""
+SPOT, LAMP = "/World/Rig/Spot", "/World/Lamp"
+
+
+@pytest.fixture
+def read_both(tmp_path, monkeypatch):
+    """Reads a stage with some edits and then with others: the second time after the first one, and alone.
+
+    Returns what is read in both, and how many times all of the stage was read.
+    """
+    count = 0
+    read_all = usd_scenes.reader.stage._read_prims
+
+    def counted(*args):
+        nonlocal count
+        count += 1
+        return read_all(*args)
+
+    def read(first, second, more="", more_of_world=""):
+        nonlocal count
+        path = tmp_path / "lit.usda"
+        path.write_text(LIT.replace("MORE_OF_WORLD", more_of_world).replace("MORE", more))
+        monkeypatch.setattr(usd_scenes.reader.stage, "_read_prims", counted)
+        alone = outcome(path, second)
+        count = 0
+        stages = OpenStages()
+        with stages:
+            outcome(path, first, stages)
+            return outcome(path, second, stages), alone, count
+
+    return read
+
+
+def outcome(path, edits, stages=None):
+    try:
+        reading = read_scene(path, edits=edits, stages=stages)
+    except SceneError as error:
+        return str(error)
+    return canonical(reading.scene), reading.warnings
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ({f"{SPOT}.inputs:intensity": 1.0}, {f"{SPOT}.inputs:intensity": 3.0}),
+        # The size of the one that is a point follows from how far the other is away.
+        ({f"{LAMP}.xformOp:translate[1]": 1e3}, {f"{LAMP}.xformOp:translate[1]": 1.001e3}),
+        # What does not change may be of other prims.
+        (
+            {f"{LAMP}.inputs:radius": 1.0, "/World/Ball.radius": 2.0},
+            {f"{LAMP}.inputs:radius": 1.5, "/World/Ball.radius": 2.0},
+        ),
+    ],
+)
+def test_of_a_stage_whose_lights_are_edited_only_these_are_read_again(read_both, first, second):
+    after, alone, count = read_both(first, second)
+    assert after == alone
+    assert count == 1
+
+
+ON_SPOT = f"{SPOT}.inputs:intensity"
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "more", "more_of_world"),
+    [
+        ({"/World/Ball.radius": 1.0, ON_SPOT: 1.0}, {"/World/Ball.radius": 2.0, ON_SPOT: 1.0}, "", ""),
+        # Others follow: what is below the prim, what is connected to it, what is a copy of it.
+        ({"/World/Rig.xformOp:translate[1]": 5.0}, {"/World/Rig.xformOp:translate[1]": 6.0}, "", ""),
+        ({ON_SPOT: 1.0}, {ON_SPOT: 2.0}, 'def Sphere "Below" {}', ""),
+        ({ON_SPOT: 1.0}, {ON_SPOT: 2.0}, "", f'def Material "M" {{\nfloat inputs:a.connect = <{ON_SPOT}>\n}}'),
+        (
+            {f"{LAMP}.xformOp:translate[0]": 1.0},
+            {f"{LAMP}.xformOp:translate[0]": 2.0},
+            "",
+            f'def Sphere "Copy" (references = <{LAMP}>) {{}}',
+        ),
+        # A shape that is told to be a light stays a shape.
+        (
+            {"/World/Glow.xformOp:translate[0]": 1.0},
+            {"/World/Glow.xformOp:translate[0]": 2.0},
+            "",
+            'def Sphere "Glow" (prepend apiSchemas = ["LightAPI"]) {\ndouble3 xformOp:translate = (0, 0, 0)\n'
+            'uniform token[] xformOpOrder = ["xformOp:translate"]\n}',
+        ),
+        # There is something else to tell, or to refuse.
+        ({f"{SPOT}.inputs:diffuse": 1.0}, {f"{SPOT}.inputs:diffuse": 0.5}, "", ""),
+        ({f"{SPOT}.inputs:radius": 1.0}, {f"{SPOT}.inputs:radius": -1.0}, "", ""),
+    ],
+)
+def test_a_stage_is_read_anew_where_more_than_lights_may_differ(read_both, first, second, more, more_of_world):
+    after, alone, count = read_both(first, second, more, more_of_world)
+    assert after == alone
+    assert count == 2

@@ -16,6 +16,7 @@ from fgf_warp.errors import SceneError, UnsupportedFeatureError
 from fgf_warp.placements import squared
 from fgf_warp.scene import MAX_CONTAINERS, Mesh, Shape, Solid
 from fgf_warp.upload_instances import number_motions
+from tests.usd.prims import as_told
 from usd_scenes.reader import read_scene, read_stage
 from usd_scenes.reader import shapes as shapes_reader
 from usd_scenes.reader.bounds import scene_bounds
@@ -351,7 +352,7 @@ def test_what_does_not_fit_costs_the_instances_that_it_is_of(read, lines: str, l
     body = f"point3f[] positions = [(0, 0, 0), (1, 0, 0)]\nrel prototypes = </P/M>\n{TRIANGLE}"
     prims = f'def PointInstancer "P"\n{{\n{lines}\n{body}\n}}'
     reading = read(prims)
-    assert warning in reading.warnings
+    assert as_told(warning) in reading.warnings
     assert [shape.instance for shape in placed(reading.scene.shapes)] == left
     with pytest.raises(SceneError, match="/P"):
         read(prims, strict=True)

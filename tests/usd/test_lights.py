@@ -357,12 +357,12 @@ def test_a_cone_that_cuts_nothing_is_no_shaping(read, kind: str, angle: float, i
 
 
 def test_what_shaping_does_not_do_is_named(read) -> None:
-    text = "ShapingAPI of a DistantLight of lights is not supported and is ignored: /Lamp"
+    text = "ShapingAPI of a DistantLight is not supported and is ignored: /Lamp"
     for body, is_told in (("", False), ("float inputs:shaping:cone:angle = 20", True)):
         assert (text in read(shaped("DistantLight", body)).warnings) == is_told
     unapplied = read(light_prim("SphereLight", "float inputs:shaping:cone:angle = 30"))
     assert (
-        "is of no effect on a light to which ShapingAPI is not applied: /Lamp.inputs:shaping:cone:angle"
+        "/Lamp.inputs:shaping:cone:angle is of no effect on a light to which ShapingAPI is not applied"
         in unapplied.warnings
     )
     assert unapplied.scene.lights[-1].shaping is None

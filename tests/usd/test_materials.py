@@ -70,7 +70,7 @@ def test_values_out_of_range_are_refused(read, attribute: str, message: str) -> 
             "/Look.fgf:phaseFunction = mie; accepted: isotropic, hg, two_lobe, draine",
         ),
         ('uniform token fgf:boundary = "glass"', "/Look.fgf:boundary = glass; accepted: none, surface"),
-        ('string inputs:fgf:hurst = "rough"', "/Look.inputs:fgf:hurst = rough; accepted: a finite number"),
+        ('string inputs:fgf:hurst = "rough"', '/Look.inputs:fgf:hurst = "rough"; accepted: a finite number'),
         (
             "float inputs:fgf:hurts = 1",
             "/Look.inputs:fgf:hurts is unknown, maybe inputs:fgf:hurst is meant; accepted: fgf:boundary",

@@ -13,7 +13,7 @@ from pxr import Sdf, Usd, UsdGeom
 
 from fgf_warp.errors import MediumError, SceneError
 from tests.usd.conftest import write
-from tests.usd.prims import CAMERA, DOME, HEADER, TWO_CAMERAS, medium_sphere
+from tests.usd.prims import CAMERA, DOME, HEADER, TWO_CAMERAS, as_told, medium_sphere
 from usd_scenes.reader import StageReading, read_scene
 
 BALL = 'def Sphere "Ball"\n{\n}\n'
@@ -35,7 +35,7 @@ def mended(read) -> Callable[..., StageReading]:
 
     def check(prims: str, warning: str, **arguments) -> StageReading:
         reading = read(prims, **arguments)
-        assert reading.warnings == (warning,)
+        assert reading.warnings == (as_told(warning),)
         found, _, path = warning.rpartition(": ")
         with pytest.raises(SceneError) as refused:
             read(prims, strict=True, **arguments)
@@ -78,6 +78,32 @@ def test_a_circle_is_left_open_where_it_closes(read) -> None:
     reading = read(prims)
     assert all("Cycle detected" in text and "what closes the circle is left out" in text for text in reading.warnings)
     assert {"/A/S", "/B/S"} == {shape.name for shape in reading.scene.shapes}
+
+
+def test_display_colors_with_indices_out_of_range_are_left_out(mended) -> None:
+    colors = 'color3f[] primvars:displayColor = [(1, 0, 0)] (\n interpolation = "vertex"\n)\n'
+    body = QUAD + colors + "int[] primvars:displayColor:indices = [0, 0, 1, 0]\n"
+    reading = mended(mesh(body), "primvar with indices in [0, 1] for 1 values is left out: /M.primvars:displayColor")
+    assert reading.scene.shapes[0].surface.diffuse == (0.18, 0.18, 0.18)
+
+
+@pytest.mark.parametrize(
+    "broken", ["float xformOp:rotateXYZ = 3\n{}['xformOp:rotateXYZ']", "{}['xformOp:turn']"], ids=["value", "operation"]
+)
+def test_all_that_is_below_a_broken_transform_is_left_out(read, broken: str) -> None:
+    """USD tells it once for each time, and places what comes later without it."""
+    order = broken.format("uniform token[] xformOpOrder = ")
+    kinds = {"S": "Sphere", "C": "Cube", "L": "SphereLight"}
+    inside = "".join(f'def {kind} "{name}"\n{{\n}}\n' for name, kind in kinds.items())
+    prims = f'def Xform "A"\n{{\n{order}\ndef Xform "B"\n{{\n{inside}}}\n}}\n'
+    reading = read(BALL + prims)
+    assert [shape.name for shape in reading.scene.shapes] == ["/Ball"]
+    assert [light.name for light in reading.scene.lights] == ["/Dome"]
+    told = [text for text in reading.warnings if text.startswith("/A.xformOpOrder: Invalid")]
+    assert [text.rpartition("; ")[2] for text in told] == [
+        "the shape is left out: /A/B/S, /A/B/C",
+        "the light is left out: /A/B/L",
+    ]
 
 
 # Meshes
@@ -185,7 +211,7 @@ def test_creases_out_of_range_leave_the_others(read) -> None:
     sharp = cage + "int[] cornerIndices = [2]\nfloat[] cornerSharpnesses = [3]\n}"
     more = cage + "int[] cornerIndices = [9, 2]\nfloat[] cornerSharpnesses = [1, 3]\n}"
     np.testing.assert_array_equal(read(more).scene.shapes[0].points, read(sharp).scene.shapes[0].points)
-    warning = "spans [2, 9]; accepted: [0, 3], as there are 4 points; 1 of 2 entries are left out: /M.cornerIndices"
+    warning = "/M.cornerIndices spans [2, 9]; accepted: [0, 3], as there are 4 points; 1 of 2 entries are left out"
     assert read(more).warnings == (warning,)
 
 
@@ -215,7 +241,7 @@ def test_a_malformed_mesh_gives_no_light(mended) -> None:
 def test_transforms_that_are_none_leave_out_what_they_are_of(read, lines: str, warning: str) -> None:
     reading = read(BALL + f'def Cube "Odd"\n{{\n{lines}\n}}\n')
     assert [shape.name for shape in reading.scene.shapes] == ["/Ball"]
-    assert reading.warnings == (warning,)
+    assert reading.warnings == (as_told(warning),)
 
 
 @pytest.mark.parametrize(
@@ -500,7 +526,7 @@ def RenderVar "Var"
         (
             "rel products",
             'uniform token[] includedPurposes = ["default", "beauty"]\nrel products',
-            "holds beauty; accepted: default, render, proxy, guide; {}: /Settings.includedPurposes",
+            "holds beauty; accepted: default, render, proxy, guide; default is used: /Settings.includedPurposes",
             "/A",
         ),
     ],
@@ -529,7 +555,7 @@ def test_metadata_are_mended(read, line: str, warning: str) -> None:
     kept = "\n".join(known for known in HEADER.splitlines() if key not in known)
     header = kept.replace("(\n", f"(\n    {line}\n", 1) + "\n"
     reading = read(BALL, header=header)
-    assert reading.warnings == (warning,)
+    assert reading.warnings == (as_told(warning),)
     assert reading.up_axis == ("Z" if "z" in line else "Y")
     assert reading.scene.meters_per_unit == (0.01 if "meters" in line else 1)
     with pytest.raises(SceneError, match=f"/: {key} = "):

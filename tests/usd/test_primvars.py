@@ -239,7 +239,7 @@ class TestSubsets:
         with pytest.raises(SceneError, match=r"/M/A.indices spans \[-1, 2\]; accepted: \[0, 1\]"):
             read(prims, strict=True)
         reading = read(prims)
-        text = "spans [-1, 2]; accepted: [0, 1], as there are 2 faces; 2 of 3 entries are left out: /M/A.indices"
+        text = "/M/A.indices spans [-1, 2]; accepted: [0, 1], as there are 2 faces; 2 of 3 entries are left out"
         assert text in reading.warnings
         assert [(shape.name, len(shape.triangles)) for shape in reading.scene.shapes] == [("/M/A", 2), ("/M", 2)]
 

@@ -223,7 +223,7 @@ def test_unreadable_files_say_so_in_one_line(
 
 
 MISTYPED = [
-    ("Sphere", 'string radius = "wide"', "/P.radius = wide; accepted: > 0"),
+    ("Sphere", 'string radius = "wide"', '/P.radius = "wide"; accepted: > 0'),
     ("Sphere", "float primvars:displayColor = 3", "/P.primvars:displayColor is no array"),
     (
         "Sphere",
@@ -232,8 +232,8 @@ MISTYPED = [
     ),
     ("Sphere", 'uniform token[] xformOpOrder = ["xformOp:none"]', "/P.xformOpOrder: "),
     ("Mesh", "float[] points = [1, 2]", "/P.points is no array; accepted: an array of entries of 3 numbers"),
-    ("Camera", 'string focalLength = "long"', "/P.focalLength = long; accepted: > 0"),
-    ("RectLight", 'string inputs:intensity = "bright"', "/P.inputs:intensity = bright; accepted: >= 0"),
+    ("Camera", 'string focalLength = "long"', '/P.focalLength = "long"; accepted: > 0'),
+    ("RectLight", 'string inputs:intensity = "bright"', '/P.inputs:intensity = "bright"; accepted: >= 0'),
     ("RectLight", "float inputs:color = 1", "/P.inputs:color = 1; accepted: three numbers >= 0"),
     ("RenderSettings", "float resolution = 3", "/P.resolution is no array; accepted: an array of numbers"),
 ]

@@ -27,6 +27,12 @@ MEANT = [
     ("Mesh", 'uniform token subdivisionscheme = "none"', "subdivisionScheme"),
     ("Mesh", "point3f[] point = []", "points"),
     ("Xform", 'token visiblity = "invisible"', "visibility"),
+    ("Sphere", "color3f[] displayColor = [(1, 0, 0)]", "primvars:displayColor"),
+    ("Mesh", "color3f[] primvars:displaycolor = [(1, 0, 0)]", "primvars:displayColor"),
+    ("Xform", "float[] primvars:displayOpactiy = [0.5]", "primvars:displayOpacity"),
+    ("Cube", "rel material:Binding = </Look>", "material:binding"),
+    ("PointInstancer", "vector3f[] velocity = []", "velocities"),
+    ("GeomSubset", "int[] indexes = [0]", "indices"),
     ("RenderSettings", "int2 resolutoin = (4, 4)", "resolution"),
     ("RenderProduct", "float pixelaspectratio = 2", "pixelAspectRatio"),
 ]
@@ -40,7 +46,7 @@ def unread(reading) -> list[str]:
 def test_names_that_are_not_quite_right_are_told(read, kind: str, body: str, meant: str) -> None:
     name = body.split(" =", maxsplit=1)[0].rsplit(maxsplit=1)[-1]
     prim = f'def {kind} "P"\n{{\n{body}\n}}\n'
-    assert unread(read(BALL + prim)) == [f"is not read: {meant} may be meant: /P.{name}"]
+    assert unread(read(BALL + prim)) == [f"/P.{name} is not read: {meant} may be meant"]
     with pytest.raises(SceneError, match=f"/P.{name} is not read: {meant} may be meant"):
         read(BALL + prim, strict=True)
 
@@ -56,19 +62,19 @@ def test_names_that_are_not_quite_right_are_told(read, kind: str, body: str, mea
 )
 def test_inputs_of_shaders_that_are_none_are_told(read, inputs: str, text: str) -> None:
     name = inputs.split(" =", maxsplit=1)[0].rsplit(maxsplit=1)[-1]
-    assert unread(read(preview_sphere(inputs))) == [f"is not read: {text}: /Look/Surface.{name}"]
+    assert unread(read(preview_sphere(inputs))) == [f"/Look/Surface.{name} is not read: {text}"]
 
 
 def test_inputs_of_lights_that_are_none_are_told(read) -> None:
     light = 'def DiskLight "L"\n{\nasset inputs:texture:file = @a.png@\nfloat inputs:sparkle = 1\n}\n'
     paths = "/L.inputs:sparkle, /L.inputs:texture:file"
-    assert unread(read(BALL + light)) == [f"is not read: a DiskLight has no such input: {paths}"]
+    assert unread(read(BALL + light)) == [f"{paths} is not read: a DiskLight has no such input"]
 
 
 def test_prims_with_one_fault_have_one_warning(read) -> None:
     lamps = "".join(f'def SphereLight "L{i}"\n{{\nfloat intensity = 1\n}}\n' for i in range(3))
     paths = ", ".join(f"/L{i}.intensity" for i in range(3))
-    assert unread(read(BALL + lamps)) == [f"is not read: inputs:intensity may be meant: {paths}"]
+    assert unread(read(BALL + lamps)) == [f"{paths} is not read: inputs:intensity may be meant"]
 
 
 @pytest.mark.parametrize(
@@ -77,6 +83,7 @@ def test_prims_with_one_fault_have_one_warning(read) -> None:
         ("SphereLight", "float intensity = 1\nfloat inputs:intensity = 1"),  # Both are written for readers old and new.
         ("SphereLight", "float ri:light:intensity = 1\nfloat karma:intensity = 1\nfloat inputs:arnold:exposure = 1"),
         ("Mesh", "int[] faceVertexCounts = []\nfloat[] primvars:point = []\nfloat userProperties:points = 1"),
+        ("Mesh", "color3f[] primvars:displayColor2 = []\nfloat[] primvars:radius = [1]\nfloat[] primvars:widths = [1]"),
         ("Xform", 'string comment = "mine"\nfloat weight = 3\ncustom float size = 2'),
         ("Camera", "float3[] extent = []\ndouble3 xformOp:translate = (0, 0, 0)"),
         ("RenderSettings", "int arnold:global:AA_samples = 3"),
@@ -87,6 +94,37 @@ def test_prims_with_one_fault_have_one_warning(read) -> None:
 )
 def test_what_is_for_others_needs_no_warning(read, kind: str, body: str) -> None:
     assert unread(read(BALL + f'def {kind} "P"\n{{\n{body}\n}}\n')) == []
+
+
+MOVED = "double3 xformOp:translate = (1, 2, 3)\n"
+ORDER = "uniform token[] xformOpOrder = "
+
+
+@pytest.mark.parametrize(
+    ("kind", "body", "text"),
+    [
+        ("Sphere", MOVED, "is not read: xformOpOrder does not name it"),
+        ("Xform", MOVED + ORDER + "[]", "is not read: xformOpOrder does not name it"),
+        ("Scope", MOVED + ORDER + '["xformOp:translate"]', "is not read: a Scope has no transform"),
+        (
+            "",
+            MOVED + ORDER + '["xformOp:translate"]',
+            "is not read: a prim without a type has no transform",
+        ),
+    ],
+)
+def test_operations_that_move_nothing_are_told(read, kind: str, body: str, text: str) -> None:
+    prim = f'def {kind} "P"\n{{\n{body}\ndef Sphere "S"\n{{\n}}\n}}\n'
+    assert unread(read(BALL + prim)) == [f"/P.xformOp:translate {text}"]
+
+
+def test_an_order_that_names_what_is_not_there_is_told(read) -> None:
+    prim = f'def Sphere "P"\n{{\n{MOVED}{ORDER}["xformOp:translate", "!invert!xformOp:rotateX"]\n}}\n'
+    reading = read(prim)
+    assert reading.warnings == ("/P.xformOpOrder names xformOp:rotateX, which is not there; it is left out",)
+    assert tuple(reading.scene.shapes[0].object_to_world[:3, 3]) == (1, 2, 3)
+    with pytest.raises(SceneError, match=r"/P.xformOpOrder names xformOp:rotateX"):
+        read(prim, strict=True)
 
 
 def test_what_a_schema_has_and_is_not_rendered_is_told_unless_it_changes_nothing(read) -> None:

@@ -57,6 +57,7 @@ UNIT = Range("[0, 1]", 0.0, 1.0)
 NOT_NEGATIVE = Range(">= 0", 0.0)
 POSITIVE = Range("> 0", 0.0, excludes_low=True)
 FINITE = Range("a finite number")
+FLAGS = {"true": True, "false": False}
 COUNTS = {2: "two", 3: "three", 4: "four"}
 
 
@@ -232,6 +233,28 @@ def read_mended_token(
         return used
 
 
+def read_mended_flag(attribute: Usd.Attribute, context: StageContext, default: bool = False) -> bool:
+    """True or false, of a boolean or of a number that is 0 or 1; any other value is told.
+
+    Args:
+        attribute: may be undefined.
+        context: the stage, which is told of what is mended.
+        default: taken where there is no value, and, with a warning, where it is neither.
+
+    Raises:
+        SceneError: in place of the warning, where the stage is read strictly.
+    """
+    value = attribute.Get(context.time) if attribute else None
+    if value is None:
+        return default
+    if isinstance(value, int | float) and value in (0, 1):
+        return bool(value)
+    used = FLAGS.get(_plain(value), default)
+    error = _refusal(attribute, value, "true, false")
+    context.mend(f"{_after_prim(attribute, error)}; {str(used).lower()} is used", attribute.GetPath())
+    return used
+
+
 def _in(within: Range) -> str:
     return f"in {within.words}" if within.words.startswith("[") else within.words
 
@@ -306,7 +329,7 @@ def read_token(attribute: Usd.Attribute, time: Usd.TimeCode, accepted: tuple[str
     """
     value = attribute.Get(time) if attribute else None
     if value is not None and value not in accepted:
-        raise _refusal(attribute, value, ", ".join(accepted))
+        raise _refusal(attribute, value, ", ".join(accepted), is_word=True)
     return value
 
 
@@ -322,8 +345,10 @@ def shown(number: float) -> str:
     return short if not math.isfinite(number) or float(short) == number else repr(number)
 
 
-def _refusal(attribute: Usd.Attribute, value: object, accepted: str) -> SceneError:
+def _refusal(attribute: Usd.Attribute, value: object, accepted: str, *, is_word: bool = False) -> SceneError:
     if isinstance(value, float) and attribute and attribute.GetTypeName() in SINGLE_PRECISION:
         value = as_written(value)
     found = "no value" if value is None else shown(value) if isinstance(value, float) else str(value)
+    if isinstance(value, str) and not (is_word and value):
+        found = f'"{value}"'  # Else 5 would be refused where a 5 is accepted.
     return SceneError(f"{attribute.GetPath()} = {found}; accepted: {accepted}")

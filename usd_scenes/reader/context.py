@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 
 import numpy as np
-from pxr import Tf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom
 
 from fgf_warp.errors import SceneError
 from usd_scenes.reader.images import ImageFiles
@@ -38,6 +38,7 @@ class StageContext:
     images: ImageFiles = field(default_factory=ImageFiles)
     _opening: UsdGeom.XformCache = field(init=False)
     _closing: UsdGeom.XformCache = field(init=False)
+    _broken: dict[Sdf.Path, str] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         opening, closing = self.shutter_times
@@ -104,13 +105,43 @@ class StageContext:
                 found, _ = transforms.ComputeRelativeTransform(prim, ancestor)
             matrix = np.array(found).T
         except Tf.ErrorException as error:
-            raise SceneError(f"{prim.GetPath()}.xformOpOrder: {error.args[0].commentary.strip()}") from None
+            self._note_broken(prim, transforms.GetTime(), error)
+        # The caches of USD tell it once, and then give what is below the transform one without what is wrong.
+        if self._broken and (text := next((self._broken[p] for p in _upwards(prim) if p in self._broken), "")):
+            raise SceneError(text)
         if not np.isfinite(matrix).all():
             raise SceneError(f"{prim.GetPath()}: the world transform holds numbers that are not finite")
         return matrix
+
+    def _note_broken(self, prim: Usd.Prim, time: Usd.TimeCode, error: Tf.ErrorException) -> None:
+        """Keeps whose transform, of a prim and those above it, USD cannot make sense of."""
+        texts = {path: text for path in _upwards(prim) if (text := _broken_order(prim.GetStage(), path, time))}
+        self._broken.update(texts or {prim.GetPath(): f"{prim.GetPath()}.xformOpOrder: {_first_sentence(error)}"})
 
     @property
     def up_axis(self) -> str:
         """``Y`` or ``Z``; Y where the stage says neither."""
         axis = str(self.stage.GetMetadata("upAxis")).upper()
         return "Z" if axis == "Z" else "Y"
+
+
+def _upwards(prim: Usd.Prim) -> list[Sdf.Path]:
+    """The paths of a prim and of those above it."""
+    return [path for path in prim.GetPath().GetAncestorsRange() if not path.IsAbsoluteRootPath()]
+
+
+def _broken_order(stage: Usd.Stage, path: Sdf.Path, time: Usd.TimeCode) -> str:
+    """What USD says against the transform of one prim; empty where it says nothing."""
+    with Tf.DiagnosticTrap() as trap:
+        try:
+            UsdGeom.XformCache(time).GetLocalTransformation(stage.GetPrimAtPath(path))
+        except Tf.ErrorException as error:
+            return f"{path}.xformOpOrder: {_first_sentence(error)}"
+        finally:
+            trap.Clear()
+    return ""
+
+
+def _first_sentence(error: Tf.ErrorException) -> str:
+    """What USD says, without what it has done."""
+    return str(error.args[0].commentary.strip().split(". ")[0].rstrip("."))

@@ -18,6 +18,8 @@ STAGE_ADDRESS = re.compile(r"\s*\([^()]* on stage @.*$", re.DOTALL)
 PARSER_RULE = re.compile(r"parse error matching .* at (?=')")
 """USD may name the C++ type of the grammar rule that failed."""
 UNKNOWN_FORMAT = re.compile(r"asset @(?P<asset>[^@]*)@ .* -- Cannot determine file format")
+FROM_USD = "USD: "
+"""What a warning of USD's own begins with."""
 IN_PRIM = re.compile(r"^In <[^>]*>: ")
 """What USD puts before an error of a prim where it warns of it."""
 MISSING = (Pcp.ErrorType_InvalidAssetPath, Pcp.ErrorType_InvalidSublayerPath, Pcp.ErrorType_UnresolvedPrimPath)
@@ -88,7 +90,7 @@ def note_warnings(trap: Tf.DiagnosticTrap, notes: Notes, stage: Usd.Stage) -> No
     for warning in trap.GetWarnings():
         text = _on_one_line(STAGE_ADDRESS.sub("", warning.commentary))
         if IN_PRIM.sub("", text) not in told:
-            notes.add(f"USD: {text}")
+            notes.add(f"{FROM_USD}{text}")
 
 
 def _found_and_done(error: Pcp.ErrorBase, stage: Usd.Stage) -> str:

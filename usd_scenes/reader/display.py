@@ -11,7 +11,9 @@ from fgf_warp.scene import PrimvarInput, Rgb, Surface
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.instance_primvars import find_source, of_each, varies
 from usd_scenes.reader.instancing import Copies
-from usd_scenes.reader.primvars import cut_display
+from usd_scenes.reader.primvars import cut_display, fit_values
+
+DEFAULTS: dict[str, Rgb | float] = {"displayColor": Surface().diffuse, "displayOpacity": Surface().opacity}  # type: ignore[dict-item]
 
 
 def display_surface(prim: Usd.Prim, context: StageContext, copies: Copies | None = None) -> Surface:
@@ -74,7 +76,8 @@ def _display_input(
     if (values == values[0]).all():
         return value
     if shape.IsA(UsdGeom.Mesh) or is_of_each:
-        return PrimvarInput(name, fallback=value)
+        # Where the primvar does not fit and is left out, the surface is as it is without one.
+        return PrimvarInput(name, fallback=DEFAULTS[name])
     context.notes.add(
         f"{name} varies over a shape that is no mesh: its first value is used", primvar.GetAttr().GetPath()
     )
@@ -83,6 +86,8 @@ def _display_input(
 
 def _values(primvar: UsdGeom.Primvar, width: int, context: StageContext) -> np.ndarray:
     """(n, width) float32, of which there may be none."""
+    if not fit_values(primvar, context):
+        return np.zeros((0, width), dtype=np.float32)
     flattened = primvar.ComputeFlattened(context.time)
     try:
         values = np.asarray([] if flattened is None else flattened, dtype=np.float32).reshape(-1, width)

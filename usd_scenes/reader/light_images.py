@@ -24,7 +24,7 @@ def read_light_image(prim: Usd.Prim, context: StageContext) -> Image | None:
     asset = attribute.Get(context.time)
     if asset is None or (isinstance(asset, Sdf.AssetPath) and not asset.path):
         return None
-    file = read_image(attribute, context, done=PLAIN)
+    file = read_image(attribute, context, "auto", PLAIN)
     if file is None:
         return None
     pixels = file.image.pixels

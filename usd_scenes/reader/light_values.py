@@ -18,6 +18,7 @@ from usd_scenes.reader.attributes import (
     is_authored,
     read_mended,
     read_mended_color,
+    read_mended_flag,
 )
 from usd_scenes.reader.context import StageContext
 
@@ -48,7 +49,7 @@ def emission(prim: Usd.Prim, context: StageContext) -> Rgb:
     intensity = number(prim, "inputs:intensity", NOT_NEGATIVE, context)
     exposure = number(prim, "inputs:exposure", EXPOSURE, context)
     color = read_mended_color(prim.GetAttribute("inputs:color"), context, NOT_NEGATIVE, (1.0, 1.0, 1.0))
-    if prim.GetAttribute("inputs:enableColorTemperature").Get(context.time):
+    if read_mended_flag(prim.GetAttribute("inputs:enableColorTemperature"), context):
         white = UsdLux.BlackbodyTemperatureAsRgb(number(prim, "inputs:colorTemperature", KELVIN, context))
         color = (color[0] * white[0], color[1] * white[1], color[2] * white[2])
     return scaled(color, intensity * 2.0**exposure)
@@ -72,7 +73,7 @@ def size(prim: Usd.Prim, name: str, context: StageContext) -> float:
     attribute = prim.GetAttribute(name)
     if attribute.Get(context.time) != 0:
         return number(prim, name, POSITIVE, context)
-    if not prim.GetAttribute("inputs:normalize").Get(context.time):
+    if not read_mended_flag(prim.GetAttribute("inputs:normalize"), context):
         raise SceneError(
             f"{attribute.GetPath()} = 0, where the light has no area and so no power; accepted: > 0, or 0 with "
             "inputs:normalize = 1"
@@ -134,8 +135,8 @@ def axis(prim: Usd.Prim, context: StageContext) -> Vec3:
 
 def note_not_read(prim: Usd.Prim, context: StageContext) -> None:
     """Tells what a light says that is not rendered."""
-    for name in _ignored(prim, context.time):
-        context.notes.add(f"{name} of lights is not supported and is ignored", prim.GetPath())
+    for what in _ignored(prim, context.time):
+        context.notes.add(f"{what} is not supported and is ignored", prim.GetPath())
     _note_unapplied(prim, context)
     if context.closing_to_world(prim) is not None:
         context.notes.add("a light that moves is rendered where it is when the shutter opens", prim.GetPath())
@@ -145,16 +146,16 @@ def _ignored(prim: Usd.Prim, time: Usd.TimeCode) -> Iterator[str]:
     for name, harmless in HARMLESS.items():
         attribute = prim.GetAttribute(name)
         if is_authored(attribute) and _plain(attribute.Get(time)) != harmless and not _is_point(prim, name, time):
-            yield name
+            yield f"{name} of lights"
     if prim.GetTypeName() in LIGHTS_WITHOUT_A_PLACE and _shapes(prim, time):
         yield f"ShapingAPI of a {prim.GetTypeName()}"
     for name in RELATIONSHIPS_NOT_READ:
         relationship = prim.GetRelationship(name)
         if relationship and relationship.GetTargets():
-            yield name
+            yield f"{name} of lights"
     for light_input in UsdShade.ConnectableAPI(prim).GetInputs():
-        if light_input.HasConnectedSource():
-            yield f"connection of {light_input.GetFullName()}"
+        if light_input.GetAttr().HasAuthoredConnections():
+            yield f"connection of {light_input.GetFullName()} of lights"
 
 
 def _plain(value: object) -> object:

@@ -22,7 +22,7 @@ from fgf_warp.scene import (
     SphereLight,
     unit_axes,
 )
-from usd_scenes.reader.attributes import read_mended_token
+from usd_scenes.reader.attributes import read_mended_flag, read_mended_token
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.light_images import PLAIN, read_light_image
 from usd_scenes.reader.light_values import (
@@ -239,7 +239,7 @@ def read_light(prim: Usd.Prim, context: StageContext) -> Light | None:
         return None
     note_not_read(prim, context)
     light = reader(prim, context)
-    if light and prim.GetAttribute("inputs:normalize").Get(context.time):
+    if light and read_mended_flag(prim.GetAttribute("inputs:normalize"), context):
         return replace(light, radiance=scaled(light.radiance, 1 / _extent(light)))
     return light
 

@@ -10,6 +10,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from fgf_warp.errors import UnsupportedFeatureError
 from fgf_warp.scene import MAX_LINKS, Light, Shape
+from usd_scenes.reader.attributes import read_mended_flag
 from usd_scenes.reader.context import StageContext
 
 Membership = Callable[[Sdf.Path], bool]
@@ -96,7 +97,7 @@ def _light_link(prim: Usd.Prim, paths: Sequence[Sdf.Path], context: StageContext
 
 def _shadow_link(prim: Usd.Prim, paths: Sequence[Sdf.Path], context: StageContext) -> Membership | None:
     shadow = UsdLux.ShadowAPI(prim)
-    if prim.HasAPI(UsdLux.ShadowAPI) and shadow.GetShadowEnableAttr().Get(context.time) is False:
+    if prim.HasAPI(UsdLux.ShadowAPI) and not read_mended_flag(shadow.GetShadowEnableAttr(), context, default=True):
         return lambda path: False
     return _membership(UsdLux.LightAPI(prim).GetShadowLinkCollectionAPI(), paths, context)
 
@@ -106,6 +107,7 @@ def _membership(collection: Usd.CollectionAPI, paths: Sequence[Sdf.Path], contex
     includes, excludes = collection.GetIncludesRel().GetTargets(), collection.GetExcludesRel().GetTargets()
     expression = collection.GetMembershipExpressionAttr()
     includes_root = collection.GetIncludeRootAttr().Get(context.time)
+    _tell_missing(collection, context)
     if includes_root and not excludes and not expression.HasAuthoredValue():
         return None
     stage = context.stage
@@ -113,3 +115,10 @@ def _membership(collection: Usd.CollectionAPI, paths: Sequence[Sdf.Path], contex
         if UsdGeom.Subset(stage.GetPrimAtPath(path)) and path not in paths:
             context.notes.add("a light cannot be linked to a part of a mesh that has no material of its own", path)
     return collection.ComputeMembershipQuery().IsPathIncluded
+
+
+def _tell_missing(collection: Usd.CollectionAPI, context: StageContext) -> None:
+    for relationship in (collection.GetIncludesRel(), collection.GetExcludesRel()):
+        for path in relationship.GetTargets():
+            if not context.stage.GetPrimAtPath(path.GetPrimPath()):
+                context.mend(f"= {path}, which is not there; it is left out", relationship.GetPath())

@@ -97,7 +97,7 @@ class MaterialReader:
         bindings = UsdShade.MaterialBindingAPI(prim)
         material, binding = bindings.ComputeBoundMaterial(UsdShade.Tokens.full)
         if not material and binding:
-            self._context.mend("bound to something that is no Material", binding.GetPath())
+            self._context.mend("bound to something that is no Material; the display color is used", binding.GetPath())
         elif not material and bindings.ComputeBoundMaterial(UsdShade.Tokens.preview)[0]:
             self._context.notes.add("bound for previews only: the display color is used", prim.GetPath())
         return material or None

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 PATHS_SHOWN = 5
+VALUES = ("= ", "is ", "spans ", "holds ", "has ", "adds up ", "names ")
+"""What a text begins with that goes on from the path of an attribute."""
 
 
 class Notes:
@@ -30,4 +32,5 @@ def _with_paths(text: str, paths: list[str]) -> str:
     if not paths:
         return text
     more = len(paths) - PATHS_SHOWN
-    return f"{text}: {', '.join(paths[:PATHS_SHOWN])}" + (f" and {more} more" if more > 0 else "")
+    shown = ", ".join(paths[:PATHS_SHOWN]) + (f" and {more} more" if more > 0 else "")
+    return f"{shown} {text}" if text.startswith(VALUES) else f"{text}: {shown}"

@@ -17,10 +17,7 @@ from dataclasses import dataclass, field
 from pxr import Tf
 
 from fgf_warp.errors import FgfError, MediumError, SceneError
-from usd_scenes.reader.notes import Notes
-
-VALUES = ("= ", "is ", "spans ", "holds ")
-"""What a text about an attribute's value begins with."""
+from usd_scenes.reader.notes import VALUES, Notes
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +94,7 @@ def _text(error: Exception) -> str:
 
 def _blamed(path: str, text: str) -> tuple[str, str]:
     """The path of a message that begins with one, of the prim or of a property of it, and what it says of that."""
-    begins = re.match(rf"({re.escape(path)}(?:\.[\w:]+)?)(?:: | )", text)
+    begins = re.match(rf"({re.escape(path)}(?:\.\w+(?::\w+)*)?)(?:: | )", text)
     return (begins[1], text[begins.end() :]) if begins else (path, text)
 
 

@@ -43,6 +43,7 @@ NOT_USED = {"displacement": 0.0, "occlusion": 1.0}
 
 
 ZERO_OR_ONE = Range("0 or 1", 0.0, 1.0)
+FALLBACK_IS_USED, OWN_IS_USED = "its fallback is used", "the input's own value is used"
 OPACITY_MODES = ("transparent", "presence")
 
 
@@ -96,7 +97,8 @@ def _number(shader: UsdShade.Shader, name: str, default: float, context: StageCo
     if not isinstance(source, Output):
         return read(source, default)
     if source.kind == uv_texture.KIND and source.name in uv_texture.CHANNELS:
-        texture, fallback = read_texture_input(source, context), read_fallback(source, UNIT, context)
+        fallback = read_fallback(source, UNIT, context)
+        texture = read_texture_input(source, context, FALLBACK_IS_USED if fallback else OWN_IS_USED)
         if texture:
             alpha = constant_alpha(texture)
             return alpha if alpha is not None and UNIT.holds(alpha) else texture
@@ -113,7 +115,8 @@ def _color(shader: UsdShade.Shader, name: str, default: Rgb, accepted: Range, co
         return read(source, default)
     if source.kind == uv_texture.KIND and source.name == "rgb":
         fallback = cast(Rgb | None, read_fallback(source, accepted, context))
-        return read_texture_input(source, context) or fallback or missing_colors(source, context)
+        done = FALLBACK_IS_USED if fallback else "it is magenta and black squares"
+        return read_texture_input(source, context, done) or fallback or missing_colors(source, context)
     return _primvar(source, COLOR_READERS, read, BLACK, context) or read(ignore(source, shader, name, context), default)
 
 

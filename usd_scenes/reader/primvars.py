@@ -143,12 +143,29 @@ def read_indices(primvar: UsdGeom.Primvar, context: StageContext) -> np.ndarray 
     return np.asarray(primvar.GetIndices(context.time), dtype=np.int64) if primvar.IsIndexed() else None
 
 
+def fit_values(primvar: UsdGeom.Primvar, context: StageContext) -> bool:
+    """False, with a warning, of a primvar whose indices are no places in its values."""
+    indices, values = read_indices(primvar, context), primvar.Get(context.time)
+    if indices is None or not hasattr(values, "__len__"):
+        return True
+    text = _out_of(indices, len(values))
+    if text:
+        context.mend(text, primvar.GetAttr().GetPath())
+    return not text
+
+
+def _out_of(indices: np.ndarray, count: int) -> str:
+    """What is wrong with indices into so many values; empty where nothing is."""
+    if not len(indices) or (indices.min() >= 0 and indices.max() < count):
+        return ""
+    return f"primvar with indices in [{indices.min()}, {indices.max()}] for {count} values is left out"
+
+
 def fitted(primvar: Primvar, polygons: Polygons, path: str, context: StageContext) -> Primvar | None:
     """The primvar, or None, with a warning, where it does not fit the mesh."""
     values, indices = primvar.values, primvar.indices
-    if indices is not None and len(indices) and not (indices.min() >= 0 and indices.max() < len(values)):
-        span = f"[{indices.min()}, {indices.max()}]"
-        context.mend(f"primvar with indices in {span} for {len(values)} values is left out", path)
+    if indices is not None and (text := _out_of(indices, len(values))):
+        context.mend(text, path)
         return None
     if primvar.interpolation not in INTERPOLATIONS:
         accepted = ", ".join(INTERPOLATIONS)

@@ -9,7 +9,14 @@ from pxr import Sdf, Usd, UsdGeom, UsdRender, Vt
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import CONFORM_POLICIES, ConformPolicy
-from usd_scenes.reader.attributes import POSITIVE, is_authored, read_array, read_mended, read_mended_token
+from usd_scenes.reader.attributes import (
+    POSITIVE,
+    is_authored,
+    read_array,
+    read_mended,
+    read_mended_flag,
+    read_mended_token,
+)
 from usd_scenes.reader.context import StageContext
 
 PURPOSES = ("default", "render", "proxy", "guide")
@@ -140,7 +147,7 @@ def _read_product(prim: Usd.Prim, settings: Usd.Prim, context: StageContext) -> 
     with context.leaving_out(prim.GetPath(), "the whole image is rendered"):
         if tuple(_numbers(attribute("dataWindowNDC"), time, 4)) != WHOLE_WINDOW:
             context.notes.add("dataWindowNDC is not supported: the whole image is rendered", prim.GetPath())
-    is_instant = any(attribute(name).Get(time) for name in ("disableMotionBlur", "instantaneousShutter"))
+    still = [read_mended_flag(attribute(name), context) for name in ("disableMotionBlur", "instantaneousShutter")]
     policy = read_mended_token(attribute("aspectRatioConformPolicy"), context, CONFORM_POLICIES, "expandAperture")
     name = prim.GetAttribute("productName")
     return Product(
@@ -150,8 +157,8 @@ def _read_product(prim: Usd.Prim, settings: Usd.Prim, context: StageContext) -> 
         resolution=_resolution(attribute("resolution"), context),
         pixel_aspect_ratio=read_mended(attribute("pixelAspectRatio"), context, POSITIVE, 1.0),
         conform_policy=next((known for known in CONFORM_POLICIES if known == policy), "expandAperture"),
-        has_motion_blur=not is_instant,
-        has_depth_of_field=not attribute("disableDepthOfField").Get(time),
+        has_motion_blur=not any(still),
+        has_depth_of_field=not read_mended_flag(attribute("disableDepthOfField"), context),
         sources=_sources(prim, context),
     )
 
@@ -183,10 +190,13 @@ def _read_purposes(settings: Usd.Prim, context: StageContext) -> tuple[str, ...]
     if not is_authored(attribute):
         return None
     asked = _words(attribute, context)
+    known = tuple(purpose for purpose in map(str.lower, asked) if purpose in PURPOSES)
     if unknown := [purpose for purpose in asked if purpose not in PURPOSES]:
-        accepted = ", ".join(PURPOSES)
-        context.mend(f"holds {', '.join(unknown)}; accepted: {accepted}; it is left out", attribute.GetPath())
-    return tuple(purpose for purpose in asked if purpose in PURPOSES)
+        # Without any purpose nothing would be seen.
+        used = f"{', '.join(known)} is used" if known else "it is left out"
+        context.mend(f"holds {', '.join(unknown)}; accepted: {', '.join(PURPOSES)}; {used}", attribute.GetPath())
+        return known or None
+    return known
 
 
 def _resolution(attribute: Usd.Attribute, context: StageContext) -> tuple[int, int] | None:

@@ -15,6 +15,7 @@ from usd_scenes import schema
 from usd_scenes.reader.camera import as_asked, choose_camera, default_camera, note_clipped, read_camera, read_shutter
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.diagnostics import (
+    FROM_USD,
     leave_out_what_is_missing,
     note_warnings,
     open_stage,
@@ -27,6 +28,7 @@ from usd_scenes.reader.links import link_lights
 from usd_scenes.reader.materials import MaterialReader
 from usd_scenes.reader.metadata import check_metadata, meters_per_unit, start_of
 from usd_scenes.reader.policy import Policy
+from usd_scenes.reader.rereading import KeptScene
 from usd_scenes.reader.settings import PURPOSES, Product, StageSettings, read_settings
 from usd_scenes.reader.shapes import ShapeReader
 from usd_scenes.reader.traversal import Met, walk
@@ -107,6 +109,7 @@ def read_scene(
     render_settings: str | None = None,
     product: str | None = None,
     edits: Edits | None = None,
+    stages: OpenStages | None = None,
 ) -> StageReading:
     """Reads a USD file, and so validates it.
 
@@ -123,6 +126,8 @@ def read_scene(
         render_settings: path of the RenderSettings; None takes those that the stage's metadata name, else the first.
         product: path of the RenderProduct that is meant; None takes the settings' first.
         edits: values in place of the file's.
+        stages: which have been entered. Where nothing but numbers of lights has been edited since their last reading,
+            only lights are read again.
 
     Raises:
         EditError: for an edit of what is not there, or of a value that it does not take.
@@ -135,7 +140,13 @@ def read_scene(
     with usd_errors_as_scene_errors(str(path)) as trap:
         stage = open_stage(Path(path))
         with edited(stage, edits or {}, _time_code(stage, frame)):
-            return _whole(_read(stage, str(path), choices, trap))
+            again = stages.read_again(stage, choices, edits, trap) if stages and edits else None
+            if again is not None:
+                return again
+            survey, context = _read(stage, str(path), choices, trap)
+            if stages and edits and survey.reading:
+                stages.keep(survey.reading, choices, edits, context)
+            return _whole(survey)
 
 
 def read_stage(
@@ -154,7 +165,7 @@ def read_stage(
     schema.register()
     source = _source(stage)
     with usd_errors_as_scene_errors(source) as trap:
-        return _whole(_read(stage, source, choices, trap))
+        return _whole(_read(stage, source, choices, trap)[0])
 
 
 def read_products(
@@ -183,6 +194,7 @@ class OpenStages:
     def __init__(self) -> None:
         self._cache = Usd.StageCache()
         self._contexts: list[Usd.StageCacheContext] = []
+        self._last: tuple[StageReading, _Choices, KeptScene] | None = None
 
     def __enter__(self) -> None:
         self._contexts.append(Usd.StageCacheContext(self._cache))
@@ -190,6 +202,25 @@ class OpenStages:
 
     def __exit__(self, *raised: object) -> None:
         self._contexts.pop().__exit__(*raised)
+
+    def keep(self, reading: StageReading, choices: _Choices, edits: Edits, context: StageContext) -> None:
+        """Keeps a reading of a stage that has these edits now, if another may differ in the lights' numbers alone."""
+        kept = None
+        if not any(text.startswith(FROM_USD) for text in reading.warnings):  # Whatever they are of.
+            kept = KeptScene.of(reading.scene, edits, context)
+        self._last = None if kept is None else (reading, choices, kept)
+
+    def read_again(
+        self, stage: Usd.Stage, choices: _Choices, edits: Edits, trap: Tf.DiagnosticTrap
+    ) -> StageReading | None:
+        """What the stage comes to with the edits that it has now; None where it must be read as a whole."""
+        if self._last is None:
+            return None
+        reading, as_chosen, kept = self._last
+        if stage != kept.context.stage or choices != as_chosen:
+            return None
+        scene = kept.with_lights(edits)
+        return None if scene is None or trap.GetWarnings() else replace(reading, scene=scene)
 
 
 def survey_stage(
@@ -216,7 +247,7 @@ def survey_stage(
     choices = _Choices(camera, frame, purposes, strict=strict)
     with Tf.DiagnosticTrap() as trap:
         try:
-            return _read(stage, _source(stage), choices, trap, refusals=[])
+            return _read(stage, _source(stage), choices, trap, refusals=[])[0]
         finally:
             trap.Clear()
 
@@ -233,7 +264,7 @@ def _read(
     choices: _Choices,
     trap: Tf.DiagnosticTrap,
     refusals: list[FgfError] | None = None,
-) -> StageSurvey:
+) -> tuple[StageSurvey, StageContext]:
     """Reads a stage; the first refusal is raised where they are not collected in `refusals`."""
     context = StageContext(
         stage=stage,
@@ -285,7 +316,7 @@ def _read(
     reading = None
     if scene is not None and not refusals:
         reading = StageReading(scene, product.resolution, context.notes.texts(), product.sources, context.up_axis)
-    return StageSurvey(
+    survey = StageSurvey(
         tuple(shapes),
         materials.media,
         tuple(lights),
@@ -294,6 +325,7 @@ def _read(
         context.notes.entries(),
         reading,
     )
+    return survey, context
 
 
 @dataclass(frozen=True)

@@ -13,29 +13,27 @@ TILES_ACROSS = 10
 """Tile 1001 + u + 10 v of a UDIM set fills the unit square at (u, v)."""
 
 
-def read_image(
-    attribute: Usd.Attribute, context: StageContext, color_space: ColorSpace = "auto", done: str = ""
-) -> ImageFile | None:
+def read_image(attribute: Usd.Attribute, context: StageContext, color_space: ColorSpace, done: str) -> ImageFile | None:
     """The picture that an attribute names; None, with a warning, where there is none or it is damaged.
 
     Args:
         attribute: of an asset path.
         context: the stage.
         color_space: that the file's colors are in.
-        done: what is done without a picture, for the warning; empty where that depends.
+        done: what is done without a picture, for the warning.
 
     Raises:
         SceneError: in place of the warning, where the stage is read strictly.
     """
     asset = attribute.Get(context.time)
     if not isinstance(asset, Sdf.AssetPath) or not asset.path:
-        context.mend("names no picture" + (f"; {done}" if done else ""), attribute.GetPath())
+        context.mend(f"names no picture; {done}", attribute.GetPath())
         return None
     return _read_file(asset.resolvedPath, asset.path, attribute, context, color_space, done)
 
 
 def read_tiles(
-    attribute: Usd.Attribute, context: StageContext, color_space: ColorSpace = "auto"
+    attribute: Usd.Attribute, context: StageContext, color_space: ColorSpace, done: str
 ) -> dict[tuple[int, int], ImageFile]:
     """The tiles of a UDIM set by their unit squares (u, v); without those that there is no picture of.
 
@@ -43,6 +41,7 @@ def read_tiles(
         attribute: of an asset path that holds ``<UDIM>``, see `is_udim`.
         context: the stage.
         color_space: that the files' colors are in.
+        done: what is done without any of them, for the warning.
 
     Raises:
         SceneError: in place of a warning, where the stage is read strictly.
@@ -51,10 +50,10 @@ def read_tiles(
     layer = _layer_of_value(attribute, context.time)
     tiles = UsdShade.UdimUtils.ResolveUdimTilePaths(path, layer) if layer else []
     if not tiles:
-        context.mend(f"{path}: there are no such files", attribute.GetPath())
+        context.mend(f"{path}: there are no such files; {done}", attribute.GetPath())
     files = {}
     for resolved, tile in tiles:
-        file = _read_file(resolved, resolved, attribute, context, color_space)
+        file = _read_file(resolved, resolved, attribute, context, color_space, "this tile is left out")
         if file:
             v, u = divmod(int(tile) - FIRST_TILE, TILES_ACROSS)
             files[u, v] = file
@@ -73,12 +72,12 @@ def _read_file(
     attribute: Usd.Attribute,
     context: StageContext,
     color_space: ColorSpace,
-    done: str = "",
+    done: str,
 ) -> ImageFile | None:
     try:
         file = context.images.read(resolved, color_space)
     except SceneError as error:
-        context.mend(f"{shown}: {error}" + (f"; {done}" if done else ""), attribute.GetPath())
+        context.mend(f"{shown}: {error}; {done}", attribute.GetPath())
         return None
     for text in file.mended:
         context.mend(f"{shown}: {text}", attribute.GetPath())

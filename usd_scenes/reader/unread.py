@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from pxr import Sdf, Sdr, Usd, UsdLux, UsdShade
+from pxr import Gf, Sdf, Sdr, Tf, Usd, UsdGeom, UsdLux, UsdShade
 
 from usd_scenes.reader.attributes import is_authored
 from usd_scenes.reader.context import StageContext
@@ -52,12 +52,21 @@ TYPES = (
 READ_TYPES = frozenset(TYPES.split())
 """Beside those of lights, materials and shaders; of others it is told that they are left out."""
 SHADER_KINDS = ("UsdPreviewSurface", "UsdUVTexture", "UsdTransform2d", "UsdPrimvarReader_")
-FOREIGN = ("primvars", "xformop", "userproperties", "collection", "fgf", "outputs")
+FOREIGN = ("xformop", "userproperties", "collection", "fgf", "outputs")
+PRIMVARS = "primvars:"
 INPUTS = "inputs:"
 OWN_INPUT = re.compile(r"inputs:(texture:)?[^:]+")
 """An input of USD's own lights and shaders."""
 LIGHT_APIS = ("ShapingAPI", "ShadowAPI")
-SHORT, LONG = 5, 8
+BINDING = "material:binding"
+DISPLAY = ("primvars:displayColor", "primvars:displayOpacity")
+OPS, OP_ORDER, INVERSE = "xformOp:", "xformOpOrder", "!invert!"
+KNOWN_OPS = tuple(
+    OPS + UsdGeom.XformOp.GetOpTypeToken(kind)
+    for kind in UsdGeom.XformOp.Type.allValues
+    if kind != UsdGeom.XformOp.TypeInvalid
+)
+SHORT, LONG = 5, 7
 """Letters from which on a name with one letter, or with two, that are not as they should be is recognized."""
 
 
@@ -103,6 +112,7 @@ class PropertyCheck:
             if path in self._passed:
                 return
             self._passed.add(path)
+        self._check_transform(prim)
         kind = self._kind_of(prim)
         if kind is None:
             return
@@ -116,6 +126,25 @@ class PropertyCheck:
             elif kind.has_inputs and OWN_INPUT.fullmatch(name):
                 text = f"is not read: a {kind.label} has no such input"
                 self._context.notes.add(text, prim.GetPath().AppendProperty(name))
+
+    def _check_transform(self, prim: Usd.Prim) -> None:
+        """Tells of operations that do not move the prim, and of those that it is to be moved by and does not have."""
+        authored = [name for name in prim.GetAuthoredPropertyNames() if name.startswith(OPS)]
+        order = prim.GetAttribute(OP_ORDER)
+        listed = [str(name) for name in order.Get() or ()] if order and is_authored(order) else []
+        if not authored and not listed:
+            return
+        used = {name.removeprefix(INVERSE) for name in listed} if prim.IsA(UsdGeom.Xformable) else set[str]()
+        time = self._context.time
+        if unused := [name for name in authored if name not in used and _moves(prim.GetAttribute(name), time)]:
+            kind = f"a {prim.GetTypeName()}" if prim.GetTypeName() else "a prim without a type"
+            why = f"{OP_ORDER} does not name it" if prim.IsA(UsdGeom.Xformable) else f"{kind} has no transform"
+            for name in unused:
+                self._context.notes.add(f"is not read: {why}", prim.GetPath().AppendProperty(name))
+        for name in sorted(used):
+            # Of operations of no type the transform as a whole is refused.
+            if name.startswith(KNOWN_OPS) and not prim.HasAttribute(name):
+                self._context.mend(f"names {name}, which is not there; it is left out", order.GetPath())
 
     def _kind_of(self, prim: Usd.Prim) -> _Kind | None:
         shader = UsdShade.Shader(prim).GetShaderId() or "" if prim.GetTypeName() == "Shader" else ""
@@ -148,6 +177,8 @@ def _new_kind(prim: Usd.Prim, shader: str) -> _Kind | None:
         more = frozenset(name for api in apis for name in api.GetPropertyNames())
     elif prim.GetTypeName() not in READ_TYPES:
         return None
+    if prim.IsA(UsdGeom.Imageable):
+        more |= {*DISPLAY, BINDING}
     meant = {_plain(name): name for name in sorted(known | more) if not name.startswith(("collection:", "outputs:"))}
     return _Kind(label, known | more, meant, has_inputs)
 
@@ -163,8 +194,18 @@ def _says_something(prim: Usd.Prim, name: str) -> bool:
     return attribute.Get() != prim.GetPrimDefinition().GetAttributeFallbackValue(name)
 
 
+def _moves(operation: Usd.Attribute, time: Usd.TimeCode) -> bool:
+    """False of an operation that leaves everything where it is."""
+    try:
+        return bool(UsdGeom.XformOp(operation).GetOpTransform(time) != Gf.Matrix4d(1))
+    except Tf.ErrorException:
+        return True
+
+
 def _plain(name: str) -> str:
-    return name.removeprefix(INPUTS).lower().replace("_", "").replace("-", "")
+    """A name in small letters, without separators, the namespace that may be forgotten, or an ending of the plural."""
+    plain = name.removeprefix(INPUTS).removeprefix(PRIMVARS).lower().replace("_", "").replace("-", "")
+    return plain[:-3] + "y" if plain.endswith("ies") else plain.removesuffix("s")
 
 
 def _nearest(name: str, meant: dict[str, str]) -> str:
@@ -173,10 +214,13 @@ def _nearest(name: str, meant: dict[str, str]) -> str:
     head = plain.partition(":")[0] if ":" in plain else ""
     if head in FOREIGN or (head and head not in _heads(meant)):
         return ""
+    if name.startswith(PRIMVARS):  # Primvars may have any name, such as that of an attribute or a numbered one.
+        meant = {other: full for other, full in meant.items() if full in DISPLAY}
     if plain in meant:
         return meant[plain]
-    room = 0 if len(plain) < SHORT else 1 if len(plain) < LONG else 2
-    if not room:
+    letters = len(name.removeprefix(INPUTS))
+    room = 0 if letters < SHORT else 1 if letters < LONG else 2
+    if not room or plain[-1].isdigit():
         return ""
     distance, found = min(((_distance(plain, other), meant[other]) for other in meant), default=(room + 1, ""))
     return found if distance <= room else ""

@@ -58,13 +58,18 @@ MISSING = Texture({(0, 0): _squares()})
 """Magenta and black squares, which stand for a texture of colors that cannot be read and has no fallback."""
 
 
-def read_texture_input(output: Output, context: StageContext) -> TextureInput | None:
+def read_texture_input(output: Output, context: StageContext, done: str) -> TextureInput | None:
     """An output of a UsdUVTexture; None, with a warning, where none of its images can be read.
+
+    Args:
+        output: of the texture.
+        context: the stage.
+        done: what is done without a picture, for the warning.
 
     Raises:
         SceneError: in place of a warning, where the stage is read strictly.
     """
-    files = _files(output.shader, context)
+    files = _files(output.shader, context, done)
     return _texture_input(output, _texture(output.shader, files, context), context) if files else None
 
 
@@ -119,7 +124,7 @@ def read_normal_map(output: Output, context: StageContext) -> TextureInput | Non
     Raises:
         SceneError: as `read_texture_input`.
     """
-    files = _files(output.shader, context)
+    files = _files(output.shader, context, "the shape's own normals are used")
     if not files:
         return None
     normals = _texture_input(output, _texture(output.shader, files, context), context)
@@ -133,16 +138,16 @@ def read_normal_map(output: Output, context: StageContext) -> TextureInput | Non
     return normals
 
 
-def _files(shader: UsdShade.Shader, context: StageContext) -> Mapping[tuple[int, int], ImageFile]:
+def _files(shader: UsdShade.Shader, context: StageContext, done: str) -> Mapping[tuple[int, int], ImageFile]:
     attribute = value_of(shader, "file", context)
     if not attribute:
-        context.mend("names no picture", f"{shader.GetPath()}.inputs:file")
+        context.mend(f"names no picture; {done}", f"{shader.GetPath()}.inputs:file")
         return {}
     space = value_of(shader, "sourceColorSpace", context)
     color_space = cast(ColorSpace, read_mended_token(space, context, COLOR_SPACES, "auto", OTHER_COLOR_SPACES))
     if is_udim(attribute, context.time):
-        return read_tiles(attribute, context, color_space)
-    file = read_image(attribute, context, color_space)
+        return read_tiles(attribute, context, color_space, done)
+    file = read_image(attribute, context, color_space, done)
     return {(0, 0): file} if file else {}
 
 

@@ -7,6 +7,8 @@ from typing import Literal
 
 from pxr import Sdf, Usd, UsdValidation
 
+from usd_scenes.reader.notes import VALUES
+
 Severity = Literal["error", "warning", "info"]
 SEVERITIES: dict[object, Severity] = {
     UsdValidation.ValidationErrorType.Error: "error",
@@ -95,7 +97,7 @@ def refusal(name: str, stage: Usd.Stage, text: str) -> UsdValidation.ValidationE
 
 def mended(stage: Usd.Stage, text: str, path: str) -> UsdValidation.ValidationError:
     """A warning of the reader, of what is at `path`; where that is empty, the text may begin with a path."""
-    joint = " " if text.startswith(("= ", "is ")) else ": "  # A value follows its attribute's path.
+    joint = " " if text.startswith(VALUES) else ": "  # A value follows its attribute's path.
     prim, site, own = _placed(stage, f"{path}{joint}{text}" if path else text)
     return warning(MENDED, prim, own, site)
 
