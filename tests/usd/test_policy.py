@@ -580,3 +580,10 @@ def test_what_cannot_be_parsed_stays_refused(tmp_path: Path) -> None:
     path = write(tmp_path, HEADER + CAMERA + DOME + 'def Sphere "Ball"\n{\n')
     with pytest.raises(SceneError, match=r"stage.usda"):
         read_scene(path)
+
+
+def test_what_usd_quotes_of_a_damaged_file_may_be_no_text(tmp_path) -> None:
+    path = tmp_path / "stage.usda"
+    path.write_bytes(b'#usda 1.0\n\xbe\xff def "A" { \xbe = }\n')
+    with pytest.raises(SceneError, match="no text"):
+        read_scene(path)

@@ -10,6 +10,7 @@ from pxr import Tf, Usd, UsdGeom
 from fgf_warp.errors import SceneError
 from usd_scenes.reader.attributes import read_array
 from usd_scenes.reader.context import StageContext
+from usd_scenes.reader.policy import commentary_of
 from usd_scenes.reader.primvars import Polygons, Primvar
 
 FEWEST_CORNERS = 3
@@ -140,7 +141,7 @@ def read_points(mesh: UsdGeom.Mesh, context: StageContext) -> np.ndarray:
         return points
     with Tf.DiagnosticTrap() as trap:
         moved = np.asarray(mesh.ComputePointsAtTime(context.time, context.time), dtype=np.float64)
-        warnings = [warning.commentary.rpartition("-- ")[2].strip() for warning in trap.GetWarnings()]
+        warnings = [commentary_of(warning).rpartition("-- ")[2].strip() for warning in trap.GetWarnings()]
         trap.Clear()
     for warning in warnings:
         context.mend(f"{warning}; they are left out", mesh.GetPath())

@@ -12,7 +12,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom
 from fgf_warp.errors import SceneError
 from usd_scenes.reader.images import ImageFiles
 from usd_scenes.reader.notes import Notes
-from usd_scenes.reader.policy import Policy
+from usd_scenes.reader.policy import Policy, commentary_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,4 +144,4 @@ def _broken_order(stage: Usd.Stage, path: Sdf.Path, time: Usd.TimeCode) -> str:
 
 def _first_sentence(error: Tf.ErrorException) -> str:
     """What USD says, without what it has done."""
-    return str(error.args[0].commentary.strip().split(". ")[0].rstrip("."))
+    return str(commentary_of(error.args[0]).strip().split(". ")[0].rstrip("."))

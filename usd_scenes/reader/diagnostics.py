@@ -12,6 +12,7 @@ from pxr import Pcp, Tf, Usd
 from fgf_warp.errors import FgfError, SceneError
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.notes import Notes
+from usd_scenes.reader.policy import commentary_of
 
 STAGE_ADDRESS = re.compile(r"\s*\([^()]* on stage @.*$", re.DOTALL)
 """USD ends warnings with the stage's address in memory, which differs from run to run."""
@@ -43,7 +44,7 @@ def usd_errors_as_scene_errors(source: str) -> Iterator[Tf.DiagnosticTrap]:
         try:
             yield trap
         except Tf.ErrorException as error:
-            raise SceneError(_named(source, _first_line(error.args[0].commentary))) from None
+            raise SceneError(_named(source, _first_line(commentary_of(error.args[0])))) from None
         except FgfError as error:
             raise type(error)(_named(source, str(error))) from error
         finally:
@@ -88,7 +89,7 @@ def note_warnings(trap: Tf.DiagnosticTrap, notes: Notes, stage: Usd.Stage) -> No
     """Hands on what USD warned of, but for what `leave_out_what_is_missing` has told."""
     told = {_on_one_line(str(error)) for error in stage.GetCompositionErrors()}
     for warning in trap.GetWarnings():
-        text = _on_one_line(STAGE_ADDRESS.sub("", warning.commentary))
+        text = _on_one_line(STAGE_ADDRESS.sub("", commentary_of(warning)))
         if IN_PRIM.sub("", text) not in told:
             notes.add(f"{FROM_USD}{text}")
 

@@ -88,8 +88,16 @@ class Policy:
         self.refusals.append(error if isinstance(error, FgfError) else SceneError(_text(error)))
 
 
+def commentary_of(told: object) -> str:
+    """What an error or a warning of USD says; damaged files make it quote bytes that are no text."""
+    try:
+        return str(told.commentary)  # type: ignore[attr-defined]
+    except UnicodeDecodeError:
+        return "the file is damaged: what USD says of it is no text"
+
+
 def _text(error: Exception) -> str:
-    return " ".join(error.args[0].commentary.split()) if isinstance(error, Tf.ErrorException) else str(error)
+    return " ".join(commentary_of(error.args[0]).split()) if isinstance(error, Tf.ErrorException) else str(error)
 
 
 def _blamed(path: str, text: str) -> tuple[str, str]:
