@@ -38,8 +38,10 @@ from generators.commands.generate import generate
 from generators.commands.render import render
 from generators.commands.tradeoff import tradeoff
 from generators.interrupts import listening
-from generators.wording import shortened
+from generators.wording import one_line, shortened
 
+PATH_LENGTH = 400
+"""Characters of a path that are shown."""
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 """What typer raises for a wrong option; it has no public name."""
 
@@ -73,7 +75,8 @@ class _Group(TyperGroup):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             sys.exit(EXIT_PARTIAL)
         except OSError as error:
-            fail(f"{error.filename or 'file system'}: {error.strerror or error}", EXIT_BAD_INPUT)
+            place = one_line(str(error.filename), PATH_LENGTH) if error.filename else "file system"
+            fail(f"{place}: {error.strerror or error}", EXIT_BAD_INPUT)
         except MemoryError:
             fail("this needs more memory than there is", EXIT_BAD_INPUT)
         sys.exit(code or 0)
