@@ -22,11 +22,13 @@ from fgf_warp.bvh import load_builder
 from fgf_warp.errors import ConfigError, NumericalError
 from fgf_warp.features import required_features
 from fgf_warp.headers import load_on_cpu
-from fgf_warp.integrator import NOT_SEEN, Counts, Film, Program, Round, build_program
+from fgf_warp.integrator.program import Program, build_program
+from fgf_warp.integrator.tally import PLANES
+from fgf_warp.integrator.work import Counts, Round
 from fgf_warp.locks import hold
 from fgf_warp.result import RenderResult
 from fgf_warp.scene import Instances, Medium, Scene, Shape, count_of
-from fgf_warp.settings import GIB, PRIM_AOVS, RENDERED_AOVS, SPLIT_AOVS, Aov, RenderSettings
+from fgf_warp.settings import GIB, RENDERED_AOVS, Aov, RenderSettings
 from fgf_warp.upload import UploadedScene, upload
 
 Progress = Callable[[int, int], None]
@@ -55,6 +57,8 @@ MEAN_AOVS = (
     Aov.DIRECT,
 )
 """Planes of vectors that are means over the samples; the film has their sums under the same names."""
+COUNTS_BYTES = 4 * 4
+"""Per pixel: the samples so far, and while a step is at work, those before and after it, and the order of pixels."""
 DEVELOPING_BYTES = 128
 """Per pixel, while the image of a film is made: radiance and its variance, and float64 values on the way to planes."""
 PLANE_BYTES = 12
@@ -177,7 +181,7 @@ def build_model(scene: Scene, settings: RenderSettings, variants: Sequence[Varia
     check_memory(settings, len(images))
     program = prepare(scene.with_media(images[0].media), settings)
     media, seeds = [image.media for image in images], [image.seed for image in images]
-    uploaded = upload(scene, settings, media, seeds, shading=program.features.shading)
+    uploaded = upload(scene, settings, media, seeds, program)
     return Model(scene, settings, images, program, uploaded)
 
 
@@ -204,15 +208,9 @@ def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings,
 
 def image_bytes(settings: RenderSettings) -> int:
     """Memory that one image takes while it is rendered, beside the scene."""
-    film = 2 * 24 + 8 + 6 * 4  # radiance and its square, alpha, six counts
-    film += 24 * len(_summed(settings)) + 4 * (Aov.DEPTH in settings.aovs)
-    film += 8 * (Aov.SCATTERINGS in settings.aovs) + 2 * 4 * bool(settings.aovs & PRIM_AOVS)
-    return settings.width * settings.height * (film + DEVELOPING_BYTES + PLANE_BYTES * len(settings.aovs))
-
-
-def _summed(settings: RenderSettings) -> set[Aov]:
-    """Vector planes that the film sums: of the two parts of the radiance one."""
-    return {aov for aov in MEAN_AOVS if aov in settings.aovs} | ({Aov.DIRECT} if settings.aovs & SPLIT_AOVS else set())
+    film = sum(plane.pixel_bytes for plane in PLANES if plane.is_needed(settings.aovs))
+    film += COUNTS_BYTES + DEVELOPING_BYTES + PLANE_BYTES * len(settings.aovs)
+    return settings.width * settings.height * film
 
 
 def check_memory(settings: RenderSettings, images: int = 1) -> None:
@@ -240,26 +238,12 @@ def begin(model: Model) -> State:
     """Empty films."""
     settings = model.settings
     pixels = settings.width * settings.height * len(model.variants)
-
-    def plane(dtype: Any, needed: bool = True) -> wp.array:
-        return wp.zeros(pixels if needed else 0, dtype=dtype, device=settings.device)
-
-    film = Film()
-    film.radiance = plane(wp.vec3d)
-    film.radiance_sq = plane(wp.vec3d)
-    film.alpha = plane(wp.float64)
-    film.depth = plane(wp.float32, Aov.DEPTH in settings.aovs)
-    film.depth.fill_(np.inf)
-    for aov in MEAN_AOVS:
-        setattr(film, aov, plane(wp.vec3d, aov in _summed(settings)))
-    film.scatterings = plane(wp.float64, Aov.SCATTERINGS in settings.aovs)
-    tells_prims = bool(settings.aovs & PRIM_AOVS)
-    film.seen = plane(wp.float32, tells_prims)
-    film.seen.fill_(np.inf)
-    film.seen_item = plane(wp.int32, tells_prims)
-    film.seen_item.fill_(NOT_SEEN)
-    film.invalid = plane(wp.int32)
-    film.truncated = plane(wp.int32)
+    film = model.program.film()
+    for plane in model.program.planes:
+        sums = wp.zeros(pixels, dtype=plane.dtype, device=settings.device)
+        if plane.initial:
+            sums.fill_(plane.initial)
+        setattr(film, plane.name, sums)
     images = len(model.variants)
     return State(film, np.zeros((images, settings.height, settings.width), dtype=np.int32), np.zeros(images))
 
@@ -379,7 +363,9 @@ def develop(model: Model, state: State, image: int = 0) -> RenderResult:
         aovs[Aov.DEPTH] = np.where(depth < FARTHEST, depth, np.inf).astype(np.float32)
     for aov in MEAN_AOVS:
         if aov in settings.aovs:
-            aovs[aov] = mean(getattr(film, aov)).astype(np.float32)
+            # What the kernel need not sum is 0: normals without surfaces, and motion of what rests.
+            is_summed = any(plane.name == aov for plane in model.program.planes)
+            aovs[aov] = (mean(getattr(film, aov)) if is_summed else np.zeros(radiance.shape)).astype(np.float32)
     if Aov.MOTION in settings.aovs:
         aovs[Aov.MOTION] = aovs[Aov.MOTION][..., :2]
     if Aov.DIRECT in settings.aovs:

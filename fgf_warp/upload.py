@@ -17,7 +17,9 @@ from fgf_warp.device.bvh import Bvh
 from fgf_warp.device.lights import LightTables
 from fgf_warp.device.shading import Shading
 from fgf_warp.errors import UnsupportedFeatureError
-from fgf_warp.integrator import LAW_KINDS, Limits, SceneData
+from fgf_warp.integrator.kinds import LAW_KINDS
+from fgf_warp.integrator.program import Program
+from fgf_warp.integrator.work import Limits
 from fgf_warp.scene import (
     BLACK,
     MAX_CONTAINERS,
@@ -68,8 +70,7 @@ def upload(
     settings: RenderSettings,
     media_of_images: Sequence[Sequence[Medium]],
     seeds: Sequence[int],
-    *,
-    shading: bool = False,
+    program: Program,
 ) -> UploadedScene:
     """Copies a scene to `settings.device`.
 
@@ -78,7 +79,7 @@ def upload(
         settings: how they are rendered.
         media_of_images: for each image what takes the place of the scene's media.
         seeds: of each image.
-        shading: whether surfaces are more than matte.
+        program: whose kernels render it.
 
     Raises:
         UnsupportedFeatureError: for more than 32 shapes filled with media.
@@ -97,43 +98,47 @@ def upload(
     rows = LawTables()
     media = [_medium(item, index, scene, settings, rows) for own in media_of_images for index, item in enumerate(own)]
 
-    data = SceneData()
-    data.camera = _camera(scene.camera, settings.width, settings.height)
-    data.environment = wp.vec3(*_environment(scene))
-    data.solids = upload_solids(solids, shapes, device)
+    features, parts = program.features, dict[str, Any]()
+    parts["camera"] = _camera(scene.camera, settings.width, settings.height)
+    parts["environment"] = wp.vec3(*_environment(scene))
+    parts["solids"] = upload_solids(solids, shapes, device)
     filled = [k for k, solid in enumerate(solids) if solid.medium is not None]
-    data.lone_solid = filled[0] if filled else -1
+    parts["lone_solid"] = filled[0] if filled else -1
     meshes = build_device_meshes(shapes, connected_lights(scene), device)
-    data.meshes = wp.array([meshes], dtype=Bvh, device=device)
-    data.motions = meshes.motions
+    parts["meshes"] = wp.array([meshes], dtype=Bvh, device=device)
+    parts["motions"] = meshes.motions
     surfaced = [shape for shape in shapes if shape.surface is not None]
-    data.surfaces, data.surface_of = _surfaces(surfaced, device)
+    parts["surfaces"], parts["surface_of"] = _surfaces(surfaced, device)
     kept: list[Any] = [meshes]
-    if shading:
+    if features.shading:
         kept.append(build_device_shading(shapes, containers, device))
-        data.shading = wp.array(kept[-1:], dtype=Shading, device=device)
-    data.media = wp.array(media, dtype=medium.Medium, device=device)
-    data.media_count = len(scene.media)
-    data.tables = rows.upload(device)
+        parts["shading"] = wp.array(kept[-1:], dtype=Shading, device=device)
+    parts["media"] = wp.array(media, dtype=medium.Medium, device=device)
+    parts["media_count"] = len(scene.media)
+    parts["first_medium"] = 0
+    parts["tables"] = rows.upload(device)
     iors = indices_of_refraction(containers)
-    data.containers = wp.array(_containers(containers, scene, iors), dtype=medium.Container, device=device)
+    parts["containers"] = wp.array(_containers(containers, scene, iors), dtype=medium.Container, device=device)
     if Aov.MOTION in settings.aovs:
-        data.surface_drifts = _drifts(surfaced, device)
-        data.container_drifts = _drifts(containers, device)
-    data.lights, light_tables = build_device_lights(scene, containers, device)
-    data.light_tables = wp.array([light_tables], dtype=LightTables, device=device)
+        parts["surface_drifts"] = _drifts(surfaced, device)
+        parts["container_drifts"] = _drifts(containers, device)
+    parts["lights"], light_tables = build_device_lights(scene, containers, device)
+    parts["light_tables"] = wp.array([light_tables], dtype=LightTables, device=device)
     low, high = scene.camera.start_bounds(settings.width, settings.height)
     inside = containers_around((low + high) / 2, containers)
-    data.camera_inside = wp.uint32(inside)
-    data.contact_rounding = scene.contact_rounding
-    data.camera_ior = _ior_around(inside, containers, scene)
-    if scene.shapes_around_starts(settings.width, settings.height):
+    parts["camera_inside"] = wp.uint32(inside)
+    parts["contact_rounding"] = scene.contact_rounding
+    parts["camera_ior"] = _ior_around(inside, containers, scene)
+    if features.varied_starts:
         lows, highs = zip(*(shape_bounds(shape) for shape in containers), strict=True)
         low, high = np.min(lows, axis=0), np.max(highs, axis=0)
-        data.media_center, data.media_radius = wp.vec3(*(low + high) / 2), float(np.linalg.norm(high - low))
+        parts["media_center"], parts["media_radius"] = wp.vec3(*(low + high) / 2), float(np.linalg.norm(high - low))
         kept.append(build_device_meshes([_bare(shape) for shape in containers], [], device))
-        data.boundaries = wp.array(kept[-1:], dtype=Bvh, device=device)
-    data.seeds = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
+        parts["boundaries"] = wp.array(kept[-1:], dtype=Bvh, device=device)
+    parts["seeds"] = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
+    data = program.scene()
+    for name in program.scene.vars:
+        setattr(data, name, parts[name])
 
     limits = Limits()
     limits.max_depth = settings.max_depth
