@@ -26,9 +26,7 @@ class FlightStart(NamedTuple):
     begin_ray: Any
 
 
-def build_flight_start(
-    features: RenderFeatures, record: PathRecord, sampler: Sampler, camera_of: Any
-) -> FlightStart:
+def build_flight_start(features: RenderFeatures, record: PathRecord, sampler: Sampler, camera_of: Any) -> FlightStart:
     """The functions of a kernel of these features."""
     Path = record.struct
     draw = sampler.draw

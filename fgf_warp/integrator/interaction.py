@@ -1,6 +1,6 @@
 """Where a flight ends: the path crosses a boundary, leaves the scene, ends at a light, or scatters. All branch-free."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import warp as wp
 

@@ -36,7 +36,7 @@ class LineLaws(NamedTuple):
     """Functions of the device.
 
     Args:
-        medium_at_depth: (medium, depth) -> Medium, as it is after so many scattering events: the same, or the similar one.
+        medium_at_depth: (medium, depth) -> Medium, the same, or the similar one after so many scattering events.
         rates_of: (path) -> vec3, at which it is frozen, or NOT_FROZEN.
         is_from_medium: (path) -> bool, whether its segment began at a medium vertex.
         draw_rates: (scene, path, medium, body, seed) -> vec3, at which the path is frozen in a body of a medium: the

@@ -120,7 +120,7 @@ def build_shape_lanes(features: RenderFeatures, stages: Stages) -> ShapeLanes:
                                 store(lanes, i, shapes.boundary(path, solid, kind))
                     if wp.static(features.surfaces):
                         if solid.surface >= 0 and solid.kind == kind:
-                            surface = scene.surfaces[solid.surface]
+                            surface = scene.surfaces[shapes.surface_at(scene, solid.surface)]
                             for i in range(LANES):
                                 path = load(lanes, i)
                                 store(lanes, i, shapes.surface(path, solid, kind, surface))

@@ -256,6 +256,8 @@ MEASURE = """
 import resource, sys
 from dataclasses import replace
 import numpy as np
+from fgf_warp.features import required_features
+from fgf_warp.integrator.program import build_program
 from fgf_warp.scene import Instances, Surface
 from fgf_warp.settings import RenderSettings
 from fgf_warp.upload import upload
@@ -267,7 +269,8 @@ assert len(mesh.triangles) == 1000
 places = np.tile(transform(0.3)[:3], (int(sys.argv[1]), 1, 1))
 places[:, 0, 3], places[:, 1, 3] = np.divmod(np.arange(len(places)), 300)
 scene = replace(furnace(), shapes=(Instances("/many", mesh, places),))
-uploaded = upload(scene, RenderSettings(), [scene.media], [0])
+settings = RenderSettings()
+uploaded = upload(scene, settings, [scene.media], [0], build_program(required_features(scene, settings)))
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 """
 

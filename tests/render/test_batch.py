@@ -9,10 +9,12 @@ from fgf_warp import renderer
 from fgf_warp.errors import ConfigError
 from fgf_warp.features import required_features
 from fgf_warp.integrator.program import build_program
+from fgf_warp.integrator.tally import PLANES
 from fgf_warp.renderer import Variant, batches, image_bytes, render, render_batch
 from fgf_warp.settings import GIB, RENDERED_AOVS, RenderSettings
 from tests import stats
 from tests.grid import REGIMES
+from tests.render.test_drivers import through_a_lens
 from tests.render.test_render import full_scene, same
 from tests.scenes import furnace
 
@@ -80,23 +82,16 @@ def test_a_batch_holds_as_much_as_the_memory_and_one_kernel():
 
 
 def test_the_memory_that_an_image_is_said_to_need_is_what_it_takes(monkeypatch):
-    """Its films are counted as they are, down to the byte."""
+    """Its films are counted as they are, down to the byte, where the scene leaves no plane empty."""
     settings = replace(SETTINGS, aovs=RENDERED_AOVS)
     monkeypatch.setattr(renderer, "DEVELOPING_BYTES", 0)
     monkeypatch.setattr(renderer, "PLANE_BYTES", 0)
-    state = renderer.begin(renderer.build_model(furnace(), settings))
-    own = (
-        "radiance",
-        "radiance_sq",
-        "alpha",
-        "depth",
-        "scatterings",
-        "seen",
-        "seen_item",
-        "invalid",
-        "truncated",
-    )
-    films = sum(getattr(state.film, name).capacity for name in (*own, *renderer.MEAN_AOVS))
+    # Its kernel need not be built.
+    monkeypatch.setattr(renderer, "prepare", lambda *asked: build_program(required_features(*asked)))
+    model = renderer.build_model(through_a_lens(full_scene()), settings)
+    assert model.program.planes == PLANES
+    state = renderer.begin(model)
+    films = sum(getattr(state.film, plane.name).capacity for plane in PLANES)
     # The samples so far, and while a step is at work, those before and after it, and the order of pixels.
     assert films + 4 * state.samples.nbytes == image_bytes(settings)
 

@@ -9,8 +9,8 @@ from scipy.integrate import quad
 from fgf_warp import scene as scene_module
 from fgf_warp.features import required_features
 from fgf_warp.renderer import render
-from fgf_warp.scene import DistantLight, Mesh, Solid, Surface
-from fgf_warp.settings import RenderSettings
+from fgf_warp.scene import DistantLight, Instances, Mesh, Solid, Surface
+from fgf_warp.settings import Aov, RenderSettings
 from tests import stats
 from tests.contracts.test_instances import affine, in_world
 from tests.grid import REGIMES
@@ -143,3 +143,13 @@ def test_many_solids_look_the_same_in_the_tree_as_one_after_the_other(monkeypatc
     monkeypatch.setattr(scene_module, "MANY_SOLIDS", len(shapes))
     assert not required_features(scene, SETTINGS).solids_in_tree
     stats.assert_images_agree(in_tree, render(scene, replace(SETTINGS, seed=2)), blocks=4, detects=0.05)
+
+
+def test_a_solid_after_many_instances_has_a_surface_of_its_own():
+    """What a hit tells counts the instances one by one, and surfaces do not."""
+    places = np.stack([transform(0.1, (x, 1.2, 0))[:3] for x in (-1.0, 0.0, 1.0)])
+    bricks = Instances("/bricks", replace(CUBE, surface=Surface((0.9, 0.1, 0.1))), places)
+    ball = Solid("/ball", "sphere", transform(0.5), Surface((0.1, 0.7, 0.3)))
+    scene = replace(furnace(fills_view=False), shapes=(bricks, ball), media=())
+    result = render(scene, replace(SETTINGS, spp=4, aovs={Aov.ALBEDO}))
+    assert np.allclose(result.aovs[Aov.ALBEDO][14:18, 14:18], (0.1, 0.7, 0.3))

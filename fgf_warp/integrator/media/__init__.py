@@ -11,7 +11,9 @@ from fgf_warp.integrator.path import PathRecord
 from fgf_warp.integrator.pool_layout import PoolLayout
 from fgf_warp.integrator.sampler import Sampler
 
-KINDS: dict[str, Callable[[RenderFeatures, PathRecord, Sampler, LineLaws, FlightStart, PoolLayout], MediumFunctions]] = {
+KINDS: dict[
+    str, Callable[[RenderFeatures, PathRecord, Sampler, LineLaws, FlightStart, PoolLayout], MediumFunctions]
+] = {
     "none": vacuum.build_medium,
     "lone": lone.build_medium,
     "many": many.build_medium,

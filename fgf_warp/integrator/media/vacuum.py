@@ -1,7 +1,5 @@
 """No medium at all: flights have no end of their own."""
 
-from typing import Any
-
 import warp as wp
 
 from fgf_warp.device.medium import Medium
