@@ -1,4 +1,7 @@
-"""Where instances stand: arrays of the upper rows of matrices, gone through in blocks so that none is copied whole."""
+"""Where things stand: matrices, and of instances arrays of their upper rows.
+
+These *places* are gone through in blocks, so that none of the arrays is copied whole.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-FLOAT32_MAX = float(np.finfo(np.float32).max)
-"""What is larger is not finite on the device."""
+from fgf_warp.scene.values import FLOAT32_MAX
+
 BLOCK = 1 << 12
 """Matrices at once: enough for NumPy's own cost not to matter, and few enough to stay in the processor's cache and for
 its products not to be parted among threads, which takes ten times as long."""
@@ -15,20 +18,45 @@ AFTER, BEFORE = [1, 2, 0], [2, 0, 1]
 """Of x, y and z, the axis that follows and the one before."""
 
 
+def keyframes(opening: np.ndarray, closing: np.ndarray | None) -> tuple[np.ndarray, ...]:
+    """The matrix, or places, when the shutter opens, and when it closes where they are others; None: at rest."""
+    return (opening,) if closing is None else (opening, closing)
+
+
+def unit_axes(matrix: np.ndarray) -> np.ndarray:
+    """The directions of a matrix's axes, without their lengths.
+
+    Args:
+        matrix: (4, 4) or (3, 4) float64, whose axes have lengths > 0.
+
+    Returns:
+        (3, 3) float64, a unit vector in each column.
+    """
+    return matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
+
+
 def blocks(count: int) -> Iterator[slice]:
-    """Successive parts of so many places."""
+    """Successive parts of so many places, of `BLOCK` each but the last."""
     return (slice(first, min(first + BLOCK, count)) for first in range(0, count, BLOCK))
 
 
 def squared(places: np.ndarray) -> np.ndarray:
-    """(n, 4, 4), of the upper rows of each, (n, 3, 4)."""
+    """Whole matrices, (n, 4, 4) float64, of their upper rows, (n, 3, 4)."""
     whole = np.zeros((len(places), 4, 4))
     whole[:, :3], whole[:, 3, 3] = places, 1
     return whole
 
 
 def compose(places: np.ndarray, inner: np.ndarray) -> np.ndarray:
-    """Places, (n, 3, 4) float64, with a (4, 4) transform before each."""
+    """Places with a transform before each.
+
+    Args:
+        places: (n, 3, 4) float64.
+        inner: (4, 4) float64, which acts first.
+
+    Returns:
+        (n, 3, 4) float64.
+    """
     made = np.empty((len(places), 3, 4))
     for at in blocks(len(places)):
         made[at] = (places[at].reshape(-1, 4) @ inner).reshape(-1, 3, 4)
@@ -36,7 +64,14 @@ def compose(places: np.ndarray, inner: np.ndarray) -> np.ndarray:
 
 
 def are_usable(places: np.ndarray) -> np.ndarray:
-    """(n,) bool: finite and invertible, the inverse too, as float32."""
+    """Which places are finite and invertible, and their inverses finite, all as float32.
+
+    Args:
+        places: (n, 3, 4) float64.
+
+    Returns:
+        (n,) bool.
+    """
     found = np.empty(len(places), dtype=bool)
     with np.errstate(all="ignore"):
         for at in blocks(len(places)):
@@ -54,20 +89,43 @@ def are_usable(places: np.ndarray) -> np.ndarray:
 
 
 def invert_axes(places: np.ndarray) -> np.ndarray:
-    """(n, 3, 3), the inverse of what few places, (n, 3, 4), which `are_usable`, do to directions."""
+    """The inverse of what places do to directions; for few of them, since all are gone through at once.
+
+    Args:
+        places: (n, 3, 4) float64, of which each is usable.
+
+    Returns:
+        (n, 3, 3) float64.
+    """
     cofactors, volume = _cofactors(np.ascontiguousarray(places[:, :, :3].transpose(2, 1, 0)))
     return (cofactors / volume).transpose(2, 0, 1)
 
 
 def _cofactors(axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of matrices' columns, (3, 3, n), the rows of their inverses, (3, 3, n), times determinants, and these, (n,)."""
+    """What inverses are made of, for many matrices at once.
+
+    Args:
+        axes: (3, 3, n) float64: column, row and number of the matrix.
+
+    Returns:
+        (3, 3, n), the rows of the inverses times the determinants, and (n,), the determinants.
+    """
     after, before = axes[AFTER], axes[BEFORE]
     cofactors = after[:, AFTER] * before[:, BEFORE] - after[:, BEFORE] * before[:, AFTER]
     return cofactors, np.einsum("in,in->n", axes[0], cofactors[0])
 
 
 def bound_places(places: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corner, (n, 3) each, of boxes that hold a box, (3,) each, in each place, (n, 3, 4)."""
+    """Boxes that hold one box in each place.
+
+    Args:
+        places: (n, 3, 4) float64.
+        low: (3,) float, the box's lowest corner.
+        high: (3,) float, its highest corner.
+
+    Returns:
+        Lowest and highest corners, (n, 3) float64 each.
+    """
     one, other = places[:, :, :3] * low, places[:, :, :3] * high
     least, most = np.minimum(one, other), np.maximum(one, other)
     position = places[:, :, 3]

@@ -6,20 +6,17 @@ the one around it, but not for surfaces that overlap, nest or touch: these are p
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-ROUNDING = 1e-5
-"""Of coordinates in float32, amply and relative: surfaces that are so near each other may touch."""
+from fgf_warp.scene.boxes import CONTACT_ROUNDING, meeting_boxes
+
 MANY_PAIRS = 1000
 """Of shells whose boxes overlap: of more it is not looked whether the shells themselves do."""
 FLAT = 1e-7
 """Volume over area and diagonal, of what encloses none: it is as flat as float32 can tell."""
-PAIRS_AT_ONCE = 4_000_000
-"""Of boxes that are compared in one step, which bounds the memory that it takes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,50 +116,6 @@ def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray)
         + np.einsum("ij,ij->i", c, a) * lb
     )
     return float(np.arctan2(volume, denominator).sum() / (2 * np.pi))
-
-
-def meeting_boxes(low: np.ndarray, high: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Pairs (i, j), i != j, of boxes that overlap or touch, each once, some at a time.
-
-    Args:
-        low: (n, 3) float, lowest corners.
-        high: (n, 3) float, highest.
-    """
-    start, spread = low.min(axis=0), np.maximum(np.ptp(low, axis=0), 1e-300)
-    crowding = (high - low).mean(axis=0) / spread
-    along, across = np.argsort(crowding)[:2]
-    # In strips about as wide as they are, along the axis that they overlap in least: there each meets those that begin
-    # before it ends.
-    count = int(np.clip(np.sqrt(len(low)), 1, 1 + 1 / max(crowding[across], 1e-9)))
-    to_strip = count / spread[across]
-    first_strip = np.clip((low[:, across] - start[across]) * to_strip, 0, count - 1).astype(np.int64)
-    last_strip = np.clip((high[:, across] - start[across]) * to_strip, 0, count - 1).astype(np.int64)
-    box, nth = _spread_out(last_strip - first_strip + 1)
-    strip = first_strip[box] + nth
-    # A strip is two wide, so that what ends beyond the last beginning ends in its strip.
-    begin = 2.0 * strip + (low[box, along] - start[along]) / spread[along]
-    end = 2.0 * strip + np.minimum((high[box, along] - start[along]) / spread[along], 1.5)
-    order = np.argsort(begin)
-    box, strip, begin, end = box[order], strip[order], begin[order], end[order]
-    counts = np.searchsorted(begin, end, side="right") - np.arange(1, len(order) + 1)
-    total = np.append(0, np.cumsum(counts))
-    first = 0
-    while first < len(order):
-        last = max(int(np.searchsorted(total, total[first] + PAIRS_AT_ONCE, side="right")) - 1, first + 1)
-        one, nth = _spread_out(counts[first:last])
-        one += first
-        i, j, here = box[one], box[one + 1 + nth], strip[one]
-        meets = here == np.maximum(first_strip[i], first_strip[j])
-        for axis in range(3):
-            meets &= (low[i, axis] <= high[j, axis]) & (low[j, axis] <= high[i, axis])
-        yield i[meets], j[meets]
-        first = last
-
-
-def _spread_out(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For each of so many of each: whose it is, and its number among those."""
-    owner = np.repeat(np.arange(len(counts)), counts)
-    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
 def _starts(keys: np.ndarray) -> np.ndarray:
@@ -332,7 +285,7 @@ class _Parts:
         neighbours: dict[int, set[int]] = {}
         colors = np.zeros(self.count, dtype=np.int64)
         bodies = np.flatnonzero(is_body)
-        margin = ROUNDING * np.abs([side[bodies] for side in self.boxes]).max(initial=0)
+        margin = CONTACT_ROUNDING * np.abs([side[bodies] for side in self.boxes]).max(initial=0)
         found = self._pairs(bodies, margin)
         is_many = len(found) > MANY_PAIRS
         for a, b in map(tuple, found.tolist()):
