@@ -12,7 +12,7 @@ Box = tuple[np.ndarray, np.ndarray]
 CONTACT_ROUNDING = 1e-5
 """Of coordinates in float32, amply and relative: surfaces that are so near each other may touch."""
 PAIRS_AT_ONCE = 4_000_000
-"""Of boxes that are compared in one step, which bounds the memory that it takes."""
+"""Pairs of boxes that are compared in one step, which bounds the memory that it takes."""
 
 
 def box_around(boxes: Iterable[Box]) -> Box:
@@ -33,24 +33,28 @@ def boxes_meet(first: Box, second: Box) -> bool:
 
 
 def meeting_boxes(low: np.ndarray, high: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Pairs (i, j), i != j, of boxes that overlap or touch, each once, some at a time.
+    """Finds the pairs of boxes that overlap or touch, each once, by a sweep along one axis.
 
     Args:
-        low: (n, 3) float, lowest corners.
-        high: (n, 3) float, highest.
+        low: (n, 3) float, lowest corners, with n > 0.
+        high: (n, 3) float, highest corners.
+
+    Yields:
+        Some of the pairs at a time, i and j, (k,) int each, with i != j in any order.
     """
     start, spread = low.min(axis=0), np.maximum(np.ptp(low, axis=0), 1e-300)
     crowding = (high - low).mean(axis=0) / spread
     along, across = np.argsort(crowding)[:2]
-    # In strips about as wide as they are, along the axis that they overlap in least: there each meets those that begin
-    # before it ends.
+    # The boxes are sorted along the axis that they overlap in least, where each meets those that begin before it ends.
+    # Along the next such axis they are cut into strips about as wide as a box, so that only those of a strip meet.
     count = int(np.clip(np.sqrt(len(low)), 1, 1 + 1 / max(crowding[across], 1e-9)))
     to_strip = count / spread[across]
     first_strip = np.clip((low[:, across] - start[across]) * to_strip, 0, count - 1).astype(np.int64)
     last_strip = np.clip((high[:, across] - start[across]) * to_strip, 0, count - 1).astype(np.int64)
     box, nth = _spread_out(last_strip - first_strip + 1)
     strip = first_strip[box] + nth
-    # A strip is two wide, so that what ends beyond the last beginning ends in its strip.
+    # On the sorted axis the strips follow each other at a distance of 2: the boxes of one begin within 1 of its start,
+    # and what ends beyond 1.5 is cut there, so that it ends before the next strip.
     begin = 2.0 * strip + (low[box, along] - start[along]) / spread[along]
     end = 2.0 * strip + np.minimum((high[box, along] - start[along]) / spread[along], 1.5)
     order = np.argsort(begin)
@@ -71,6 +75,13 @@ def meeting_boxes(low: np.ndarray, high: np.ndarray) -> Iterator[tuple[np.ndarra
 
 
 def _spread_out(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For each of so many of each: whose it is, and its number among those."""
+    """Lists the members of groups one after the other.
+
+    Args:
+        counts: (n,) int, how many members each group has.
+
+    Returns:
+        The group of each member, and its number in the group, (sum of counts,) int each.
+    """
     owner = np.repeat(np.arange(len(counts)), counts)
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)

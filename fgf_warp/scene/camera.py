@@ -27,9 +27,10 @@ CONFORM_POLICIES: tuple[ConformPolicy, ...] = (
 )
 
 FILM_MAX = 1e6
-"""Of lengths of a perspective camera's film over its focal length: float32 cannot tell flatter rays from each other."""
+"""The most that a length of a perspective camera's film may be, over its focal length: float32 cannot tell flatter rays
+from each other."""
 APERTURE_UNIT = 0.1
-"""Of lengths of film and lens [stage unit]: UsdGeom.Camera has them in tenths."""
+"""Unit of the lengths of film and lens [stage unit]: UsdGeom.Camera has them in tenths."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +51,8 @@ class Camera:
         clipping_range: nearest and farthest distance along the view axis that surfaces and boundaries are seen at
             directly [stage unit], 0 <= near < far.
         exposure_scale: > 0, by which radiance is multiplied in the image.
-        conform_policy: what gives way where the image's aspect ratio is not the film's, as UsdRender names it.
+        conform_policy: what is changed where the image's aspect ratio is not the film's, as UsdRender names it; see
+            `window`.
         pixel_aspect_ratio: width of a pixel over its height, > 0; ``adjustPixelAspectRatio`` finds its own.
         closing: (4, 4) float64, `camera_to_world` when the shutter closes, between which it moves linearly; None: it
             rests.
@@ -114,7 +116,7 @@ class Camera:
 
     @property
     def position(self) -> np.ndarray:
-        """(3,) float64, the pinhole in world space."""
+        """The pinhole or the middle of the lens when the shutter opens, (3,) float64 in world space."""
         return self.camera_to_world[:3, 3]
 
     @property
@@ -165,12 +167,13 @@ class Camera:
             Lowest and highest corner, (3,) float64 each, in world space.
         """
         left, right, bottom, top = self.window(width, height)
-        near, grows = self.clipping_range[0], self.projection == "perspective"
-        # Rays begin on the near plane: within the image's window there, widened by the lens as it is seen there.
-        window = near if grows else 1.0
+        near = self.clipping_range[0]
+        # Rays begin on the near plane: in the image's window there, which is widened by the lens as far as rays from
+        # its rim to what is in focus have not come together.
+        scale = near if self.projection == "perspective" else 1.0
         lens = self.lens_radius * abs(1 - near / self.focus_distance) if self.has_lens else 0.0
-        middle = np.array([window * (left + right) / 2, window * (bottom + top) / 2, -near])
-        half = np.array([window * (right - left) / 2 + lens, window * (top - bottom) / 2 + lens, 0.0])
+        middle = np.array([scale * (left + right) / 2, scale * (bottom + top) / 2, -near])
+        half = np.array([scale * (right - left) / 2 + lens, scale * (top - bottom) / 2 + lens, 0.0])
         matrices = keyframes(self.camera_to_world, self.closing)
         axes = [unit_axes(matrix) for matrix in matrices]
         positions = [matrix[:3, 3] for matrix in matrices]

@@ -25,7 +25,7 @@ from fgf_warp.scene.textures import Image
 from fgf_warp.scene.values import BLACK, Rgb, Vec3
 
 MAX_LINKS = 32
-"""Sets of shapes that lights may be linked to: a bit each in `Solid.light_links` and its like."""
+"""The most sets of shapes that lights may be linked to: each has one bit in `Solid.light_links` and its like."""
 RECT_CORNERS = np.array(list(product((-1.0, 1.0), repeat=2)))
 """(4, 2) float64, of a rect in units of half_u and half_v."""
 IMAGE_CORNERS = {*product((0.0, 1.0), repeat=2)}
@@ -37,7 +37,7 @@ class Shaping:
     """How a light's radiance depends on the direction that it leaves in, as UsdLux.ShapingAPI says.
 
     Args:
-        axis: unit vector that it is centred around.
+        axis: unit vector in world space that it is centred around.
         cone_angle: half the cone's opening, radians in [0, pi]; nothing is emitted beyond.
         cone_softness: share of the cone's angle over which it fades, in [0, 1].
         focus: power of the cosine with the axis, >= 0.
@@ -63,8 +63,8 @@ class LightSource:
     """What all lights have, beside a name and a radiance.
 
     Args:
-        link: it shines only on shapes whose `light_links` have this bit, in [0, 32); None: on all, and on all media.
-        shadow_link: only shapes whose `shadow_links` have this bit cast shadows in its light; None: all do.
+        link: bit in [0, 32): it shines only on shapes whose `light_links` have it; None: on all, and on all media.
+        shadow_link: bit in [0, 32): only shapes whose `shadow_links` have it cast shadows in its light; None: all do.
         shaping: None where it emits evenly.
 
     Raises:
@@ -89,9 +89,10 @@ class DistantLight(LightSource):
 
     Args:
         name: the prim path.
-        direction: unit vector along which the light travels.
+        direction: unit vector in world space along which the light travels.
         half_angle: of the cone, radians in [0, pi/2]; 0 is a delta light.
-        radiance: of the cone's disc; for half_angle = 0 the irradiance on a surface that faces the light.
+        radiance: >= 0 per channel, from within the cone; for half_angle = 0 the irradiance on a surface that faces the
+            light.
     """
 
     name: str
@@ -112,9 +113,9 @@ class DomeLight(LightSource):
     Args:
         name: the prim path.
         radiance: >= 0 per channel.
-        image: multiplies the radiance: latitude and longitude around the light's y axis, as the format ``latlong`` of
-            UsdLux.DomeLight says; None: constant.
-        light_to_world: three rows of three, orthogonal: turns the image.
+        image: multiplies the radiance, >= 0; it is laid out by longitude and latitude around the light's y axis, as
+            the format ``latlong`` of UsdLux.DomeLight says. None: constant.
+        light_to_world: three rows of three numbers, an orthogonal matrix that turns the image.
     """
 
     name: str
@@ -142,13 +143,13 @@ class AreaLight(LightSource):
     Args:
         name: the prim path.
         shape: ``rect``, the parallelogram center +- half_u +- half_v, or ``disk``, the ellipse within it.
-        center: [stage unit].
+        center: in world space [stage unit].
         half_u: from the center to the middle of one side [stage unit].
         half_v: from the center to the middle of the next side [stage unit].
         radiance: >= 0 per channel.
-        image: multiplies the radiance of a rect; None: even.
-        image_axes: of the rect's (half_u, half_v) coordinates (a, b) in [-1, 1]^2 the image's s and t: two rows of
-            three, applied to (a, b, 1). The image fills the rect, so that its corners lie on the rect's; t = 0 is its
+        image: multiplies the radiance of a rect, >= 0; None: even.
+        image_axes: two rows of three, which applied to (a, b, 1) give the image's s and t at center + a half_u +
+            b half_v, with a and b in [-1, 1]. The image fills the rect, so its corners lie on the rect's; t = 0 is its
             lower edge.
     """
 
@@ -192,7 +193,7 @@ class SphereLight(LightSource):
 
     Args:
         name: the prim path.
-        center: [stage unit].
+        center: in world space [stage unit].
         radius: > 0 [stage unit].
         radiance: >= 0 per channel.
     """
@@ -219,7 +220,7 @@ class CylinderLight(LightSource):
 
     Args:
         name: the prim path.
-        center: [stage unit].
+        center: in world space [stage unit].
         half_axis: from the center to the middle of one end [stage unit].
         radius: > 0 [stage unit].
         radiance: >= 0 per channel.
@@ -246,7 +247,7 @@ class CylinderLight(LightSource):
 
 @dataclass(frozen=True, eq=False)
 class MeshLight(LightSource):
-    """Triangles that emit to their front; they are not seen as a shape beside it, and block light as one.
+    """Triangles that emit to their front and are black behind; they block light as a shape does, but are none.
 
     Args:
         name: the prim path.

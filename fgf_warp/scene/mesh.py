@@ -27,11 +27,12 @@ class Mesh:
 
     Args:
         name: the prim path.
-        points: (n, 3) float, finite.
+        points: (n, 3) float, finite [stage unit].
         triangles: (m, 3) int32 indices into points; counter-clockwise seen from outside.
         surface: as for `Solid`.
-        medium: index into `Scene.media`, or None. The mesh must then be closed: it fills what is in any of its shells
-            but not in their cavities, which face inwards. A shell that faces inwards with nothing around it is turned.
+        medium: index into `Scene.media` of what fills it, or None. The mesh must then be closed: the medium is in any
+            of its shells but not in their cavities, which face inwards. A shell that faces inwards with nothing around
+            it is turned.
         normals: (m, 3, 3) float32, unit shading normals at the corners of each triangle; None: the triangles' own.
         primvars: name to (1, 1, k), (m, 1, k) or (m, 3, k) float32, the values of the whole mesh, of each triangle, or
             at the corners of each, between which they are interpolated.

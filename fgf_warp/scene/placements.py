@@ -12,10 +12,10 @@ import numpy as np
 from fgf_warp.scene.values import FLOAT32_MAX
 
 BLOCK = 1 << 12
-"""Matrices at once: enough for NumPy's own cost not to matter, and few enough to stay in the processor's cache and for
-its products not to be parted among threads, which takes ten times as long."""
+"""Matrices at once: so many that NumPy's cost per call does not matter, and so few that they stay in the processor's
+cache and that products of them are not shared among threads, which takes ten times as long."""
 AFTER, BEFORE = [1, 2, 0], [2, 0, 1]
-"""Of x, y and z, the axis that follows and the one before."""
+"""For x, y and z the axis that follows, and the one before."""
 
 
 def keyframes(opening: np.ndarray, closing: np.ndarray | None) -> tuple[np.ndarray, ...]:
@@ -36,7 +36,7 @@ def unit_axes(matrix: np.ndarray) -> np.ndarray:
 
 
 def blocks(count: int) -> Iterator[slice]:
-    """Successive parts of so many places, of `BLOCK` each but the last."""
+    """Slices that cover `count` places, of `BLOCK` each but the last."""
     return (slice(first, min(first + BLOCK, count)) for first in range(0, count, BLOCK))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 
@@ -32,13 +32,14 @@ class Scene:
     Args:
         camera: where the picture is taken from.
         shapes: surfaces and boundaries of media; of meshes of media their `bodies_of`.
-        media: what `shapes` refer to by index.
+        media: those that shapes are filled with, which name them by index.
         lights: the scene's light sources.
         meters_per_unit: of the stage, > 0; carried into the headers of files.
         source: where the scene came from, for headers and messages.
 
     Raises:
-        SceneError: where a shape names a medium that is not there, or is too large for the law of its medium.
+        SceneError: where a shape names a medium that is not there, or the shapes that a medium fills are too large for
+            its law.
     """
 
     camera: Camera
@@ -46,7 +47,7 @@ class Scene:
     media: tuple[Medium, ...] = ()
     lights: tuple[Light, ...] = ()
     meters_per_unit: float = 0.01
-    source: str = field(default="")
+    source: str = ""
 
     def __post_init__(self) -> None:
         bodies = tuple(body for shape in self.shapes for body in bodies_of(shape))
@@ -74,7 +75,12 @@ class Scene:
         raise SceneError(f"{self.source or 'scene'}: {asked}; it has: {', '.join(names) or 'none'}")
 
     def medium_warnings(self, index: int, medium: Medium) -> list[str]:
-        """What a user should know of a medium in the place of number `index`, one sentence each."""
+        """What a user should know of a medium, one sentence each.
+
+        Args:
+            index: into `media`, of the one in whose place it stands.
+            medium: that one, or another.
+        """
         extent, reach = self._medium_sizes[index]
         found = medium.line_law.warnings([] if extent is None else [extent])
         if reach is not None:
@@ -152,12 +158,16 @@ class Scene:
         return FACE_ROUNDING * float(np.abs(corners).max(initial=0))
 
     def frozen_share(self, index: int, medium: Medium) -> float:
-        """The share of paths for which a medium in the place of number `index` is frozen.
+        """The share of paths for which a medium is frozen, at the thickness of what it fills.
 
-        Its thickness is the least width of what it fills, of several shapes the largest.
+        The thickness is the least width of a shape, of several shapes the largest.
+
+        Args:
+            index: into `media`, of the one in whose place it stands.
+            medium: that one, or another.
 
         Returns:
-            In [0, 1]; 0 where it fills nothing.
+            In [0, 1]; 0 where it fills nothing or freezes no paths.
         """
         widths = [shape_widths(shape)[0] for shape in self.shapes if shape.medium == index]
         return medium.line_law.frozen_share(max(widths)) if widths and medium.freezes_paths else 0.0
@@ -190,7 +200,7 @@ class Scene:
         return _diagonal(self.bounds) / 2
 
     def with_medium(self, index: int, medium: Medium) -> Scene:
-        """The same scene with one medium replaced."""
+        """The same scene with another medium in the place of `media[index]`."""
         return self.with_media((*self.media[:index], medium, *self.media[index + 1 :]))
 
     def with_media(self, media: tuple[Medium, ...]) -> Scene:

@@ -21,9 +21,9 @@ from fgf_warp.scene.surface import Surface
 CUBE_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 """(8, 3) float64, of the box around each canonical solid."""
 MANY_SOLIDS = 100
-"""More surfaces of solids than that are looked up in a tree, and are not tried one after the other."""
+"""Where more solids than that have a bare surface, rays look them up in a tree; else they try one after the other."""
 MAX_CONTAINERS = 32
-"""Shapes filled with a medium: one bit each in a path's state."""
+"""The most shapes that may be filled with a medium: each has one bit in a path's state."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +34,9 @@ class Solid:
 
     Args:
         name: the prim path.
-        kind: which solid.
+        kind: ``sphere``, ``cube`` or ``cylinder``.
         object_to_world: (4, 4) float64, invertible.
-        surface: what its surface does to light; None lets light through unchanged (a boundary 'none').
+        surface: what its surface does to light; None lets light through unchanged, as the boundary of a medium may.
         medium: index into `Scene.media` of what fills it, or None.
         closing: (4, 4) float64, `object_to_world` when the shutter closes; None: it rests.
         primvars: name to the value on all of it, (k,) float32.
@@ -45,7 +45,7 @@ class Solid:
         shadow_links: bit k is set where it casts a shadow in the light of those whose `shadow_link` is k.
 
     Raises:
-        SceneError: for a matrix that is not finite or not invertible.
+        SceneError: for a matrix that is not finite or not invertible, as float32.
     """
 
     name: str
@@ -65,18 +65,18 @@ class Solid:
 
 @dataclass(frozen=True, eq=False)
 class Instances:
-    """A mesh or a solid in many places, which are arrays: a million of them take 100 MB here.
+    """A mesh or a solid in many places, which are one array: a million of them take 100 MB of memory.
 
-    Instances share what their prototypes share: arrays that are the same object.
+    Instances whose prototypes hold the same arrays, as objects, share what is made of these.
 
     Args:
         name: the prim path.
         prototype: what stands there, with its surface and medium: a mesh in its own space, or a solid that rests, whose
             own transform comes first.
-        object_to_world: (n, 3, 4) float64, n > 0, the upper rows of each one's matrix, which is invertible.
-        closing: the same when the shutter closes; None: all rest.
-        numbers: (n,) int, of each in its instancer, or None, where they are in none.
-        primvars: name to (n, k) float32, one value for each, in place of the prototype's.
+        object_to_world: (n, 3, 4) float64, n > 0, the upper rows of the matrix of each, which is invertible.
+        closing: (n, 3, 4) float64, the same when the shutter closes; None: all rest.
+        numbers: (n,) int, the number of each in its instancer; None: they are in none.
+        primvars: name to (n, k) float32, a value for each, in place of the prototype's.
         light_links: as for `Solid`, of all of them.
         shadow_links: as for `Solid`, of all of them.
 
@@ -110,7 +110,7 @@ class Instances:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of instances."""
         return len(self.object_to_world)
 
     @cached_property
@@ -239,9 +239,9 @@ def bodies_of(shape: Shape) -> tuple[Shape, ...]:
 
 
 def solids_in_tree(shapes: Sequence[Shape]) -> list[Solid | Instances]:
-    """Those solids that are looked up in a tree: none, or all whose surface is all there is of them.
+    """The solids that rays look up in a tree: none, or all bare ones, which have a surface and no medium.
 
-    Instances of solids are in it, and all others then too.
+    It is all where there are more than `MANY_SOLIDS`, or instances of solids, which are always in the tree.
     """
     solids = [
         shape

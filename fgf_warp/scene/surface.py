@@ -16,7 +16,7 @@ class PrimvarInput:
 
     Args:
         primvar: its name.
-        fallback: where a shape has none; one number is meant for all channels.
+        fallback: its value where a shape has none; one number is meant for all channels.
     """
 
     primvar: str
@@ -31,9 +31,9 @@ FloatInput = float | TextureInput | PrimvarInput
 
 @dataclass(frozen=True)
 class Surface:
-    """A two-sided surface in the parameters of UsdPreviewSurface; as it stands, a grey diffuse one.
+    """A two-sided surface in the parameters of UsdPreviewSurface, whose fallbacks are a grey diffuse one.
 
-    What is transparent lets light through straight, unless it bounds a medium: then light is refracted there.
+    Light goes straight through what is transparent, unless it bounds a medium: then light is refracted there.
 
     Args:
         diffuse: reflectance per channel, in [0, 1].
@@ -46,7 +46,7 @@ class Surface:
         ior: index of refraction, > 0; at 1, in the metallic workflow, what is no metal has no specular lobe.
         opacity: in [0, 1].
         opacity_threshold: in [0, 1]; > 0 makes opacity 0 below it, and 1 from it on.
-        is_presence: True where opacity dims the specular lobe too, not only the diffuse one.
+        is_presence: True where opacity also dims the specular lobe, not only the diffuse one.
         normal: of the tangent space, as a texture of [-1, 1]; None is the shape's own.
 
     Raises:
@@ -111,5 +111,5 @@ class Surface:
 
 
 def lets_light_through(surface: Surface | None) -> bool:
-    """True where light crosses what has this surface."""
+    """True where some light crosses what has this surface; None is a boundary that all light crosses."""
     return surface is None or surface.may_be_transparent

@@ -16,6 +16,7 @@ Wrap = Literal["black", "clamp", "repeat", "mirror"]
 WRAPS: tuple[Wrap, ...] = ("black", "clamp", "repeat", "mirror")
 
 IDENTITY_ST = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+"""The transform of a `TextureInput` that leaves s and t as they are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +27,9 @@ class Image:
         name: the asset path, for messages.
         pixels: (height, width, 4) RGBA, the first row at the top; uint8, where 255 stands for 1, or float32.
         is_srgb: True where R, G and B are encoded by the transfer function of sRGB (uint8 only), else linear.
+
+    Raises:
+        SceneError: for another shape or type, or float32 pixels that are said to be encoded.
     """
 
     name: str
@@ -47,10 +51,13 @@ class Texture:
 
     Args:
         tiles: the image of each unit square (u, v) of texture coordinates; of a plain texture {(0, 0): image}.
-        is_udim: True where each tile fills its own square, and nothing is wrapped; elsewhere the fallback is shown.
-        wrap_s: beyond the unit square in s.
-        wrap_t: in t.
+        is_udim: True where each tile fills its own square and nothing is wrapped; beyond them the fallback is shown.
+        wrap_s: what is shown beyond the unit square in s, of a plain texture.
+        wrap_t: the same in t.
         fallback: RGBA where there is no image or no tile.
+
+    Raises:
+        SceneError: for a wrap that is none of `WRAPS`.
     """
 
     tiles: Mapping[tuple[int, int], Image]
@@ -66,16 +73,16 @@ class Texture:
 
 @dataclass(frozen=True, eq=False)
 class TextureInput:
-    """A material's input that a texture gives: channels of scale * texel + bias.
+    """A material's input that is read from a texture: channels of scale * texel + bias.
 
     Args:
-        texture: what is read.
+        texture: where it is read from.
         primvar: name of the texture coordinates, empty for none; a shape that has none of that name is read at `st`.
         st: texture coordinates of such shapes.
         transform: two rows of three, applied to (s, t, 1).
         channels: ``rgb``, or one of ``r``, ``g``, ``b`` and ``a``.
-        scale: of RGBA.
-        bias: of RGBA.
+        scale: of R, G, B and A.
+        bias: of R, G, B and A.
     """
 
     texture: Texture
