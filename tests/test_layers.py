@@ -138,6 +138,17 @@ def imports(path: Path) -> set[str]:
     return found
 
 
+def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """The modules that reach themselves by what they import: each group of those that reach one another, sorted."""
+    reached = {module: set(names) for module, names in graph.items()}
+    for middle in graph:
+        for names in reached.values():
+            if middle in names:
+                names |= reached[middle]
+    groups = {tuple(sorted(n for n in reached[m] if m in reached[n])) for m in graph if m in reached[m]}
+    return [list(group) for group in sorted(groups)]
+
+
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 
 
@@ -164,6 +175,23 @@ def test_direction(path):
 def test_every_module_is_held():
     held = [module_name(path) for path in SOURCES if any(is_in(module_name(path), (owner,)) for owner in ALLOWED)]
     assert sorted({*held, "fgf_warp"}) == sorted({module_name(path) for path in SOURCES} | {"fgf_warp"})
+
+
+def test_no_files_import_each_other():
+    """Directly or in a circle, wherever in a file the import is written.
+
+    An import inside a function, or for type checkers alone, breaks no import at run time, yet whoever reads one of the
+    files must know the other, so both count. A package's `__init__` counts for those who import a name of its own, not
+    for those who import a module below it.
+    """
+    files = {module_name(path): path for path in SOURCES}
+    graph = {module: imports(path) & files.keys() for module, path in files.items()}
+    assert not circles(graph)
+
+
+def test_circles_are_found():
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"b", "e"}, "d": {"d"}, "e": set()}
+    assert circles(graph) == [["b", "c"], ["d"]]
 
 
 @pytest.mark.parametrize(
