@@ -144,7 +144,7 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     for middle in graph:
         for names in reached.values():
             if middle in names:
-                names |= reached[middle]
+                names.update(reached[middle])
     groups = {tuple(sorted(n for n in reached[m] if m in reached[n])) for m in graph if m in reached[m]}
     return [list(group) for group in sorted(groups)]
 
