@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from usd_scenes.reader.attributes import read_number, read_token
+from usd_scenes.reader.attributes import NOT_NEGATIVE, POSITIVE, read_number, read_token
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.mesh import Form
 
@@ -189,8 +189,8 @@ def _radii(prim: Usd.Prim, context: StageContext) -> tuple[float, float]:
 
 
 def _non_negative(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> float:
-    return read_number(prim.GetAttribute(name), time, accepted=">= 0", holds=lambda x: x >= 0)
+    return read_number(prim.GetAttribute(name), time, NOT_NEGATIVE)
 
 
 def _length(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> float:
-    return read_number(prim.GetAttribute(name), time, accepted="> 0", holds=lambda x: x > 0)
+    return read_number(prim.GetAttribute(name), time, POSITIVE)

@@ -13,7 +13,8 @@ from usd_scenes import schema
 from usd_scenes.reader.diagnostics import note_warnings, open_stage, usd_errors_as_scene_errors
 from usd_scenes.reader.frames import Frame, kind_of, name_of
 from usd_scenes.reader.notes import Notes
-from usd_scenes.reader.stage import StageReading, survey_stage
+from usd_scenes.reader.readings import StageReading
+from usd_scenes.reader.stage import survey_stage
 from usd_scenes.validation.findings import MENDED, ORDER, OURS, Finding
 from usd_scenes.validation.media import check_binding, check_terminals, check_values
 from usd_scenes.validation.scene import check_survey
