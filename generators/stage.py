@@ -100,6 +100,9 @@ def base_scene(
 ) -> tuple[BaseScene, list[str]]:
     """What was read, with the size of its images, and what is to be said of it beside the reading's own warnings.
 
+    Returns:
+        The scene, whose warnings are those of the reading, and the further ones, one text each.
+
     Raises:
         ConfigError: for a size below one pixel.
     """

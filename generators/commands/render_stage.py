@@ -57,6 +57,9 @@ class StageToRender:
             frame: one of the times.
             product: prim path of the RenderProduct; None is the settings' first.
 
+        Returns:
+            The scene, and settings of its size and planes.
+
         Raises:
             FgfError: where the stage is not accepted.
         """

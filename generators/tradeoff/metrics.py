@@ -81,6 +81,9 @@ def relative_standard_error(parts: np.ndarray) -> float:
 
     Args:
         parts: (n, height, width, 3) radiance, n >= 2.
+
+    Returns:
+        >= 0; relative to blocks, see `bright_blocks`.
     """
     scale = relative_weights(parts.mean(axis=0, dtype=np.float64))
     return float(np.sqrt(_squared_noise(parts * scale) / len(parts)))

@@ -49,7 +49,11 @@ class Range:
         return is_within and (not self.is_whole or float(number).is_integer())
 
     def nearest(self, number: float) -> float | None:
-        """The accepted number that is nearest; None where there is none."""
+        """The accepted number that is nearest; None where there is none.
+
+        Returns:
+            A finite number: the given one where it is accepted, else `low` or `high`.
+        """
         if math.isnan(number) or not (self.is_cut or self.holds(number)) or (self.excludes_low and number <= self.low):
             return None
         near = min(max(number, self.low), self.high)
@@ -113,6 +117,9 @@ def read_number(
 def read_color(attribute: Usd.Attribute, time: Usd.TimeCode) -> Rgb:
     """A linear Rec.709 color.
 
+    Returns:
+        Three numbers of any sign, as their author wrote them, see `as_written`.
+
     Raises:
         SceneError: for no value, or one that is not three finite numbers.
     """
@@ -140,6 +147,9 @@ def read_mended(attribute: Usd.Attribute, context: StageContext, within: Range, 
         within: the accepted range. A number out of it is cut to it.
         default: taken where there is no value, and, with a warning, where the value has no nearest accepted number.
 
+    Returns:
+        A finite number within the range, or the default.
+
     Raises:
         SceneError: for a value that is not accepted, where the stage is read strictly.
     """
@@ -158,7 +168,12 @@ def read_mended_color(attribute: Usd.Attribute, context: StageContext, within: R
 def read_mended_vector(
     attribute: Usd.Attribute, context: StageContext, default: tuple[float, ...], within: Range = FINITE
 ) -> tuple[float, ...]:
-    """The same of as many numbers as the default has."""
+    """The same of as many numbers as the default has.
+
+    Returns:
+        As many finite numbers as the default has: those out of the range cut to it, those without a nearest accepted
+        number taken from the default.
+    """
     if not attribute or attribute.Get(context.time) is None:
         return default
     size = len(default)
@@ -302,7 +317,11 @@ def read_token(attribute: Usd.Attribute, time: Usd.TimeCode, accepted: tuple[str
 
 
 def as_written(number: float) -> float:
-    """The shortest decimal that the nearest float32 stands for."""
+    """The shortest decimal that the nearest float32 stands for.
+
+    Returns:
+        A float64 whose decimal digits are those of the float32: 0.1 for 0.10000000149011612.
+    """
     # Not by str(), whose digits depend on NumPy's print options, which libraries change when they are imported.
     return float(np.format_float_scientific(np.float32(number)))
 

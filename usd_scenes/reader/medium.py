@@ -42,6 +42,10 @@ def has_medium(material: Usd.Prim, context: StageContext) -> bool:
 def read_medium(material: Usd.Prim, context: StageContext) -> Medium:
     """The medium of a material that FgfMediumAPI is applied to.
 
+    Returns:
+        Of the name of its material, with parameters as authored, see `fgf_warp.scene.Medium` for their units and
+        ranges.
+
     Raises:
         MediumError: for an unknown fgf attribute, or a value out of its range.
     """

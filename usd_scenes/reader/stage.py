@@ -79,7 +79,11 @@ def read_scene(
 
 
 def read_stage(stage: Usd.Stage, **options: Unpack[ReadOptions]) -> StageReading:
-    """Reads a stage that is open already; otherwise as `read_scene`."""
+    """Reads a stage that is open already; otherwise as `read_scene`.
+
+    Returns:
+        As `read_scene`; the source of the scene is the name of the root layer.
+    """
     choices = Choices(**options)
     schema.register()
     source = _source(stage)
@@ -96,6 +100,9 @@ def read_products(
         path: as for `read_scene`.
         frame: as for `read_scene`; names of products may have samples.
         render_settings: as for `read_scene`.
+
+    Returns:
+        Those of the render settings in their order; where there are none, the settings' own.
 
     Raises:
         SceneError: for a stage that cannot be opened, or settings that are not there or out of their range.
@@ -123,6 +130,9 @@ def survey_stage(
         camera: as for `read_scene`.
         purposes: as for `read_scene`.
         strict: True where what would be mended or left out is among the refusals.
+
+    Returns:
+        All that could be read, with one entry for each refusal and each warning.
 
     Raises:
         SceneError: for what is asked for and is not there.

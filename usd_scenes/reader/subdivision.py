@@ -105,7 +105,12 @@ class Net:
         return np.bincount(self.ends.ravel(), minlength=self.polygons.n_points)
 
     def around_vertices(self, values: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
-        """(v, k) sums over the other ends of each vertex's edges, each with the weight of the edge."""
+        """(v, k) sums over the other ends of each vertex's edges, each with the weight of the edge.
+
+        Args:
+            values: (v, k), at the vertices.
+            weights: (e,), of the edges; None: 1.
+        """
         a, b = self.ends.T
         at_a, at_b = values[b], values[a]
         if weights is not None:
@@ -138,7 +143,11 @@ class Refinement:
     is_smooth: bool
 
     def carry(self, primvar: Primvar) -> Primvar:
-        """A primvar of the cage on the refined faces."""
+        """A primvar of the cage on the refined faces.
+
+        Returns:
+            Of the same interpolation, its values without indices but where they are constant.
+        """
         match primvar.interpolation:
             case "constant":
                 return primvar
@@ -186,6 +195,9 @@ class Refinement:
 
 def read_refinement(mesh: UsdGeom.Mesh, cage: Polygons, context: StageContext) -> Refinement | None:
     """How a mesh is refined; None where it is no subdivision surface.
+
+    Returns:
+        Refined as often as the complexity says, with creases, corners and boundary as the mesh has them.
 
     Raises:
         SceneError: for creases or corners that do not fit the mesh, or an unknown rule, where it is read strictly.
@@ -238,6 +250,9 @@ def refine(
         levels: how often each face is split, >= 0.
         creases: pairs of vertices and the sharpness of the edge between them, >= 0.
         vertex_sharpness: (v,), >= 0; None: 0.
+
+    Returns:
+        Of 0 levels the cage itself; else vertices of a smooth scheme come to lie on the limit surface.
     """
     net = _tagged(_connect(cage), rules, creases, vertex_sharpness)
     nets, cage_faces = [net], np.arange(len(cage.counts))

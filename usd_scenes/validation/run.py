@@ -75,6 +75,9 @@ def validate_stage(
         asked: what is to be read; None is what is read where nothing is asked for.
         progress: see `Progress`.
 
+    Returns:
+        Each thing once, with the frames that it holds for; errors before warnings, and of one severity by path.
+
     Raises:
         SceneError: where there is no such file, it is none of USD, or what is asked for is not there.
     """
