@@ -21,7 +21,7 @@ from generators.commands.common import (
     start_warp,
     warn,
 )
-from generators.commands.numbers import whole
+from generators.commands.numbers import whole_option
 from generators.commands.plan import make_plan
 
 if TYPE_CHECKING:
@@ -46,28 +46,23 @@ Out = Annotated[
 Part = Annotated[str, typer.Option(metavar="I/N", help="Only part I of N, from 0; other parts may be made meanwhile.")]
 Samples = Annotated[
     list[int] | None,
-    typer.Option(
-        metavar="INDEX",
-        parser=whole("--sample", 0, SAMPLE_MAX),
-        help="Only this sample, repeatable, such as to look at it again.",
+    whole_option(
+        "--sample", 0, SAMPLE_MAX, "Only this sample, repeatable, such as to look at it again.", metavar="INDEX"
     ),
 ]
 Executor = Annotated[str, typer.Option(help="Who renders: local; ray, a cluster of Ray; slurm, an array of jobs.")]
 WorkerCount = Annotated[
     int | None,
-    typer.Option(
-        metavar="N",
-        parser=whole("--workers", 1, WORKERS_MAX),
-        help="Processes that render; default: local 1, with all cores; ray as many as there is room for; slurm 1.",
+    whole_option(
+        "--workers",
+        1,
+        WORKERS_MAX,
+        "Processes that render; default: local 1, with all cores; ray as many as there is room for; slurm 1.",
     ),
 ]
 CoreCount = Annotated[
     int | None,
-    typer.Option(
-        metavar="N",
-        parser=whole("--cores", 1, WORKERS_MAX),
-        help="Of each worker; default: local an equal part of all, ray and slurm 1.",
-    ),
+    whole_option("--cores", 1, WORKERS_MAX, "Of each worker; default: local an equal part of all, ray and slurm 1."),
 ]
 SlurmOptions = Annotated[
     list[str] | None,

@@ -9,7 +9,7 @@ import typer
 
 from fgf_warp.settings import DEPTH_MAX, PRESETS, SEED_MAX, SIZE_MAX, SPP_MAX, UPSCALE_MAX, Aov
 from fgf_warp.theory.choices import LINE_VARIANCES, TRANSPORTS
-from generators.commands.numbers import number, whole
+from generators.commands.numbers import number, whole_option
 
 Stage = Annotated[Path, typer.Argument(metavar="STAGE", help="The USD file.")]
 
@@ -54,22 +54,11 @@ Explain = Annotated[
 
 Width = Annotated[
     int | None,
-    typer.Option(
-        "--imageWidth",
-        "-w",
-        metavar="N",
-        parser=whole("--imageWidth", 1, SIZE_MAX),
-        help="[pixel]; default: as the stage says, or 960.",
-    ),
+    whole_option("--imageWidth", 1, SIZE_MAX, "[pixel]; default: as the stage says, or 960.", short="-w"),
 ]
 Height = Annotated[
     int | None,
-    typer.Option(
-        "--imageHeight",
-        metavar="N",
-        parser=whole("--imageHeight", 1, SIZE_MAX),
-        help="[pixel]; default: from the aspect ratio.",
-    ),
+    whole_option("--imageHeight", 1, SIZE_MAX, "[pixel]; default: from the aspect ratio."),
 ]
 Complexity = Annotated[
     str, typer.Option("--complexity", "-c", help="Subdivision of surfaces: low, medium, high or veryhigh.")
@@ -88,10 +77,11 @@ SettingsPath = Annotated[
 
 Spp = Annotated[
     int | None,
-    typer.Option(
-        metavar="N",
-        parser=whole("--spp", 1, SPP_MAX),
-        help="Samples per pixel, in place of the preset's; with --targetError or --time the most on average.",
+    whole_option(
+        "--spp",
+        1,
+        SPP_MAX,
+        "Samples per pixel, in place of the preset's; with --targetError or --time the most on average.",
     ),
 ]
 TargetError = Annotated[
@@ -126,25 +116,23 @@ PresetName = Annotated[
 
 # ---- how it is rendered
 
-Seed = Annotated[
-    int, typer.Option(metavar="N", parser=whole("--seed", 0, SEED_MAX), help="Equal seeds give equal pixels.")
-]
+Seed = Annotated[int, whole_option("--seed", 0, SEED_MAX, "Equal seeds give equal pixels.")]
 MaxDepth = Annotated[
     int | None,
-    typer.Option(
+    whole_option(
         "--maxDepth",
-        metavar="N",
-        parser=whole("--maxDepth", 1, DEPTH_MAX),
-        help="Scattering events after which a path is cut, in place of the preset's; 1 is single scattering only.",
+        1,
+        DEPTH_MAX,
+        "Scattering events after which a path is cut, in place of the preset's; 1 is single scattering only.",
     ),
 ]
 SimilarityOrder = Annotated[
     int | None,
-    typer.Option(
+    whole_option(
         "--similarityOrder",
-        metavar="N",
-        parser=whole("--similarityOrder", 1, DEPTH_MAX),
-        help="Scattering events after which a path sees the similar medium that scatters evenly; default: never.",
+        1,
+        DEPTH_MAX,
+        "Scattering events after which a path sees the similar medium that scatters evenly; default: never.",
     ),
 ]
 TransportName = Annotated[
@@ -156,11 +144,7 @@ LineVarianceName = Annotated[
 ]
 Upscale = Annotated[
     int,
-    typer.Option(
-        metavar="N",
-        parser=whole("--upscale", 1, UPSCALE_MAX),
-        help="Render one of so many pixels each way, and enlarge the picture.",
-    ),
+    whole_option("--upscale", 1, UPSCALE_MAX, "Render one of so many pixels each way, and enlarge the picture."),
 ]
 SamplerName = Annotated[
     str, typer.Option(help="lattice: less noise than the reported error says; independent: as much as it says.")

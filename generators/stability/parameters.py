@@ -78,6 +78,12 @@ def expected_kappa(
 
     None where section 3 of the theory has the other parameters refused.
 
+    Args:
+        hurst: H.
+        white_noise_scale: S_w [length^(-2-2H)].
+        extinction: sigma_m [1/length].
+        outer_scale: L [length]; None where it is not authored.
+
     Returns:
         >= 0, without a unit.
     """

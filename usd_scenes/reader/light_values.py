@@ -221,5 +221,9 @@ def scaled(color: Rgb, factor: float) -> Rgb:
 
 
 def vec3(values: np.ndarray) -> Vec3:
-    """Three numbers as plain floats."""
+    """Three numbers as plain floats.
+
+    Args:
+        values: (3,) of any type.
+    """
     return (float(values[0]), float(values[1]), float(values[2]))
