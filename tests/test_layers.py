@@ -138,17 +138,6 @@ def imports(path: Path) -> set[str]:
     return found
 
 
-def circles(graph: dict[str, set[str]]) -> list[list[str]]:
-    """The modules that reach themselves by what they import: each group of those that reach one another, sorted."""
-    reached = {module: set(names) for module, names in graph.items()}
-    for middle in graph:
-        for names in reached.values():
-            if middle in names:
-                names.update(reached[middle])
-    groups = {tuple(sorted(n for n in reached[m] if m in reached[n])) for m in graph if m in reached[m]}
-    return [list(group) for group in sorted(groups)]
-
-
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 
 
@@ -177,6 +166,32 @@ def test_every_module_is_held():
     assert sorted({*held, "fgf_warp"}) == sorted({module_name(path) for path in SOURCES} | {"fgf_warp"})
 
 
+@pytest.mark.parametrize(
+    ("imported", "absent"),
+    [
+        ("fgf_warp", ("warp", "pxr", "OpenImageIO", "colour")),
+        ("fgf_warp.scene", ("warp", "pxr", "OpenImageIO", "colour", "scipy")),
+        ("fgf_warp.output.exr", ("warp", "pxr", "colour")),
+        ("generators.cli", ("warp", "pxr", "OpenImageIO", "colour", "pyarrow")),
+    ],
+)
+def test_imports_start_nothing(imported, absent):
+    code = f"import sys, {imported}; print([m for m in {absent!r} if m in sys.modules])"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
+
+
+def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """The modules that reach themselves by what they import: each group of those that reach one another, sorted."""
+    reached = {module: set(names) for module, names in graph.items()}
+    for middle in graph:
+        for names in reached.values():
+            if middle in names:
+                names.update(reached[middle])
+    groups = {tuple(sorted(n for n in reached[m] if m in reached[n])) for m in graph if m in reached[m]}
+    return [list(group) for group in sorted(groups)]
+
+
 def test_no_files_import_each_other():
     """Directly or in a circle, wherever in a file the import is written.
 
@@ -192,18 +207,3 @@ def test_no_files_import_each_other():
 def test_circles_are_found():
     graph = {"a": {"b"}, "b": {"c"}, "c": {"b", "e"}, "d": {"d"}, "e": set()}
     assert circles(graph) == [["b", "c"], ["d"]]
-
-
-@pytest.mark.parametrize(
-    ("imported", "absent"),
-    [
-        ("fgf_warp", ("warp", "pxr", "OpenImageIO", "colour")),
-        ("fgf_warp.scene", ("warp", "pxr", "OpenImageIO", "colour", "scipy")),
-        ("fgf_warp.output.exr", ("warp", "pxr", "colour")),
-        ("generators.cli", ("warp", "pxr", "OpenImageIO", "colour", "pyarrow")),
-    ],
-)
-def test_imports_start_nothing(imported, absent):
-    code = f"import sys, {imported}; print([m for m in {absent!r} if m in sys.modules])"
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert result.stdout.strip() == "[]"
