@@ -375,7 +375,7 @@ def triangle_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         triangles: (m, 3) int.
 
     Returns:
-        float64, to the side from which the corners run counter-clockwise.
+        To the side from which the corners run counter-clockwise.
     """
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
     normals = np.cross(b - a, c - a)
