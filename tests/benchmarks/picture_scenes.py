@@ -138,8 +138,8 @@ def inside() -> Scene:
 
 def glass() -> Scene:
     """Rough glass around a medium, with a sheet that lets light through straight, over a textured floor."""
-    bend = TextureInput(noise(3), scale=(0.4, 0.4, 0.0, 0.0), bias=(-0.2, -0.2, 1.0, 0.0))
-    ground = Surface(TextureInput(noise(2)), roughness=0.3, ior=1.5, clearcoat=0.5, normal=bend)
+    bend = TextureInput(Texture({(0, 0): noise(3)}), scale=(0.4, 0.4, 0.0, 0.0), bias=(-0.2, -0.2, 1.0, 0.0))
+    ground = Surface(TextureInput(Texture({(0, 0): noise(2)})), roughness=0.3, ior=1.5, clearcoat=0.5, normal=bend)
     shapes = (
         Solid("/ball", "sphere", np.eye(4), GLASS, 0),
         quad(ground),
