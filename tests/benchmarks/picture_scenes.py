@@ -202,7 +202,8 @@ def instances() -> Scene:
 def still_instances() -> Scene:
     """Instances without motion, all of surfaces."""
     places = np.stack([place(0.15, (x, y, 0))[:3] for x in (-0.8, 0.0, 0.8) for y in (-0.8, 0.0, 0.8)])
-    return Scene(view(), (Instances("/bricks", Mesh("/brick", CORNERS, BOX, Surface()), places), floor()), (), (LAMP,))
+    bricks = Instances("/bricks", Mesh("/brick", CORNERS, BOX, Surface()), places)
+    return Scene(view(), (floor(), bricks), (), (LAMP,))
 
 
 def many_solids() -> Scene:
