@@ -101,8 +101,8 @@ PICTURES = (
     # Several images in a call, and samples where they help.
     Picture("batch", "room", PINK, by="batch"),
     Picture("batch, exact variance", "ball", EXACT, by="batch"),
-    Picture("adaptive", "room", PINK, by="goal", goal={"error": 0.02, "max_spp": 96}),
-    Picture("adaptive, 95th percentile", "ball", by="goal", goal={"error": 0.03, "over": "p95", "max_spp": 96}),
+    Picture("adaptive", "room", PINK, planes="samples", by="goal", goal={"error": 0.03, "max_spp": 512}),
+    Picture("adaptive, 95th percentile", "ball", planes="samples", by="goal", goal={"error": 0.06, "over": "p95"}),
     # Planes.
     Picture("all planes, room", "room", PINK, planes="all"),
     *(Picture(f"{plane} alone, ball", "ball", PINK, planes=plane) for plane in ALONE_IN_THE_BALL),
