@@ -18,7 +18,6 @@ import numpy as np
 import warp as wp
 
 from fgf_warp import __version__
-from fgf_warp.bvh import load_builder
 from fgf_warp.errors import ConfigError, NumericalError
 from fgf_warp.features import required_features
 from fgf_warp.headers import load_on_cpu
@@ -27,7 +26,7 @@ from fgf_warp.locks import hold
 from fgf_warp.result import RenderResult
 from fgf_warp.scene import Instances, Medium, Scene, Shape, count_of
 from fgf_warp.settings import GIB, PRIM_AOVS, RENDERED_AOVS, SPLIT_AOVS, Aov, RenderSettings
-from fgf_warp.upload import UploadedScene, upload
+from fgf_warp.upload import UploadedScene, load_builder, upload
 
 Progress = Callable[[int, int], None]
 """Called with the camera paths done so far, and in all."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from fgf_warp.bvh_kernel import WIDTH, open_nodes
-from fgf_warp.bvh_splitting import split_boxes
 from fgf_warp.headers import load_on_cpu
+from fgf_warp.upload.bvh_kernel import WIDTH, open_nodes
+from fgf_warp.upload.bvh_splitting import split_boxes
 
 LEAF = 8
 """Triangles of a leaf, at most."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from fgf_warp.bvh_kernel import WIDTH, choose_cuts, split_ranges
+from fgf_warp.upload.bvh_kernel import WIDTH, choose_cuts, split_ranges
 
 PARTS, PART_MIN = 16, 1 << 14
 """A range of more boxes than one of so many parts of all, and of more than so many, is split into what two tasks do."""
