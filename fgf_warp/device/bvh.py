@@ -38,16 +38,18 @@ vec8i = wp.types.vector(length=8, dtype=wp.int32)
 vec16 = wp.types.vector(length=16, dtype=wp.float32)
 
 WIDTH = wp.constant(16)
-"""Children of a node."""
+"""Children of a node, at most."""
 LEAF = wp.constant(8)
-"""Triangles of a leaf."""
+"""Triangles of a leaf, at most."""
+MAX_LEVELS = wp.constant(7)
+"""Of a tree, which then has room for 16^7 full leaves."""
 NODE_FLOATS = wp.constant(6 * 16)
 """Lower and upper x, y, z of the children's boxes, a row each; none is flat, and an empty child's is inside out."""
 LEAF_FLOATS = wp.constant(9 * 8)
 """x, y, z of the first, second and third corners, a row each; an empty place is NaN, and no ray meets it."""
 CORNER_FLOATS = wp.constant(3 * 8)
-LEVELS_PLACES = 7 * 15
-"""Enough for 7 levels of 15 waiting children each, and no tree is deeper."""
+LEVELS_PLACES = MAX_LEVELS * (WIDTH - 1)
+"""Of the traversal's stack: on each level all children but one may wait."""
 BOX_SLACK = wp.constant(1.0000005)
 """1 + 2 gamma(3) of Ize, and some more since it scales the inverse of the slope."""
 NONE = wp.constant(2147483647)

@@ -2,204 +2,11 @@
 
 import warp as wp
 
+from fgf_warp.device.bvh import MAX_LEVELS, WIDTH
+from fgf_warp.upload.bvh_binning import UNBOUNDED, empty_box, grow, split_range
+
 # Its loops over bins and children are short; unrolled they take seven times as long to compile.
 wp.set_module_options({"enable_backward": False, "max_unroll": 2})
-
-WIDTH = wp.constant(16)
-"""Children of a node, at most."""
-BINS = wp.constant(32)
-FEW = wp.constant(16)
-"""Boxes that are sorted into their bins, since most of these would be empty."""
-MAX_LEVELS = wp.constant(7)
-"""As deep as the traversal's stack, and room for 16^7 full leaves."""
-UNBOUNDED = wp.constant(3.0e38)
-NO_WIDTH = wp.constant(1.0e-30)
-"""A narrower range is not binned: the inverse of its width is not a float32."""
-
-
-@wp.func
-def half_area(extent: wp.vec3) -> float:
-    """Half the surface area of a box of these sides."""
-    return extent[0] * extent[1] + extent[1] * extent[2] + extent[2] * extent[0]
-
-
-@wp.func
-def bin_of(lo: wp.vec3, hi: wp.vec3, axis: int, start: float, scale: float) -> int:
-    """The bin in which a box has its (doubled) centre."""
-    return wp.clamp(int((lo[axis] + hi[axis] - start) * scale), 0, BINS - 1)
-
-
-@wp.func
-def split_cost(extent: wp.vec3, count: int, leaf: int) -> float:
-    """Of one side of a split: whole leaves, so that leaves are full."""
-    return half_area(extent) * float((count + leaf - 1) // leaf)
-
-
-@wp.func
-def splittable(width: float) -> bool:
-    """True where boxes whose centroids are spread so wide along an axis can be binned along it."""
-    return width > NO_WIDTH and width < UNBOUNDED
-
-
-@wp.func
-def plan_few(
-    lo: wp.array(dtype=wp.vec3),
-    hi: wp.array(dtype=wp.vec3),
-    first: int,
-    count: int,
-    c_lo: wp.vec3,
-    c_hi: wp.vec3,
-    leaf: int,
-):
-    """The same as `plan_many`, of at most `FEW` boxes: these are sorted by their bins, and no bin is empty."""
-    best_cost = float(UNBOUNDED)
-    best_axis = int(-1)
-    best_plane = int(0)
-    sorted = wp.zeros(shape=(FEW,), dtype=int)
-    bins = wp.zeros(shape=(FEW,), dtype=int)
-    right_cost = wp.zeros(shape=(FEW,), dtype=float)
-    for axis in range(3):
-        width = c_hi[axis] - c_lo[axis]
-        if splittable(width):
-            scale = float(BINS) / width
-            for i in range(count):
-                b = bin_of(lo[first + i], hi[first + i], axis, c_lo[axis], scale)
-                place = int(i)
-                while place > 0 and bins[place - 1] > b:
-                    bins[place] = bins[place - 1]
-                    sorted[place] = sorted[place - 1]
-                    place -= 1
-                bins[place] = b
-                sorted[place] = first + i
-            box_lo = wp.vec3(UNBOUNDED)
-            box_hi = wp.vec3(-UNBOUNDED)
-            for j in range(1, count):
-                place = count - j
-                box_lo = wp.min(box_lo, lo[sorted[place]])
-                box_hi = wp.max(box_hi, hi[sorted[place]])
-                right_cost[place] = split_cost(box_hi - box_lo, j, leaf)
-            box_lo = wp.vec3(UNBOUNDED)
-            box_hi = wp.vec3(-UNBOUNDED)
-            for place in range(1, count):
-                box_lo = wp.min(box_lo, lo[sorted[place - 1]])
-                box_hi = wp.max(box_hi, hi[sorted[place - 1]])
-                if bins[place] > bins[place - 1] and right_cost[place] < UNBOUNDED:
-                    cost = split_cost(box_hi - box_lo, place, leaf) + right_cost[place]
-                    if cost < best_cost:
-                        best_cost = cost
-                        best_axis = axis
-                        best_plane = bins[place - 1] + 1
-    return best_axis, best_plane
-
-
-@wp.func
-def plan_many(
-    lo: wp.array(dtype=wp.vec3),
-    hi: wp.array(dtype=wp.vec3),
-    first: int,
-    count: int,
-    c_lo: wp.vec3,
-    c_hi: wp.vec3,
-    leaf: int,
-):
-    """The axis and the first bin of the right side for the cheapest split of a range; -1 where no plane parts it."""
-    best_cost = float(UNBOUNDED)
-    best_axis = int(-1)
-    best_plane = int(0)
-    bin_count = wp.zeros(shape=(BINS,), dtype=int)
-    bin_lo = wp.zeros(shape=(BINS,), dtype=wp.vec3)
-    bin_hi = wp.zeros(shape=(BINS,), dtype=wp.vec3)
-    right_cost = wp.zeros(shape=(BINS,), dtype=float)
-    for axis in range(3):
-        width = c_hi[axis] - c_lo[axis]
-        if splittable(width):
-            scale = float(BINS) / width
-            for b in range(BINS):
-                bin_count[b] = 0
-                bin_lo[b] = wp.vec3(UNBOUNDED)
-                bin_hi[b] = wp.vec3(-UNBOUNDED)
-            for i in range(first, first + count):
-                b = bin_of(lo[i], hi[i], axis, c_lo[axis], scale)
-                bin_count[b] = bin_count[b] + 1
-                bin_lo[b] = wp.min(bin_lo[b], lo[i])
-                bin_hi[b] = wp.max(bin_hi[b], hi[i])
-            right_lo = wp.vec3(UNBOUNDED)
-            right_hi = wp.vec3(-UNBOUNDED)
-            right_count = int(0)
-            for j in range(1, BINS):
-                b = BINS - j
-                right_lo = wp.min(right_lo, bin_lo[b])
-                right_hi = wp.max(right_hi, bin_hi[b])
-                right_count += bin_count[b]
-                right_cost[b] = UNBOUNDED
-                if right_count > 0:
-                    right_cost[b] = split_cost(right_hi - right_lo, right_count, leaf)
-            left_lo = wp.vec3(UNBOUNDED)
-            left_hi = wp.vec3(-UNBOUNDED)
-            left_count = int(0)
-            for b in range(1, BINS):
-                left_lo = wp.min(left_lo, bin_lo[b - 1])
-                left_hi = wp.max(left_hi, bin_hi[b - 1])
-                left_count += bin_count[b - 1]
-                if left_count > 0 and right_cost[b] < UNBOUNDED:
-                    cost = split_cost(left_hi - left_lo, left_count, leaf) + right_cost[b]
-                    if cost < best_cost:
-                        best_cost = cost
-                        best_axis = axis
-                        best_plane = b
-    return best_axis, best_plane
-
-
-@wp.func
-def split(
-    lo: wp.array(dtype=wp.vec3),
-    hi: wp.array(dtype=wp.vec3),
-    order: wp.array(dtype=int),
-    first: int,
-    count: int,
-    leaf: int,
-):
-    """Reorders a range of boxes into two: the size of the left one, and the range's area; binned, over all three axes.
-
-    Where no plane between bins parts the centroids, the range is halved as it stands.
-    """
-    box_lo = wp.vec3(UNBOUNDED)
-    box_hi = wp.vec3(-UNBOUNDED)
-    c_lo = wp.vec3(UNBOUNDED)
-    c_hi = wp.vec3(-UNBOUNDED)
-    for i in range(first, first + count):
-        box_lo = wp.min(box_lo, lo[i])
-        box_hi = wp.max(box_hi, hi[i])
-        c = lo[i] + hi[i]
-        c_lo = wp.min(c_lo, c)
-        c_hi = wp.max(c_hi, c)
-    area = half_area(box_hi - box_lo)
-    axis = int(0)
-    plane = int(0)
-    if count <= FEW:
-        axis, plane = plan_few(lo, hi, first, count, c_lo, c_hi, leaf)
-    else:
-        axis, plane = plan_many(lo, hi, first, count, c_lo, c_hi, leaf)
-    if axis < 0:
-        return count // 2, area
-    scale = float(BINS) / (c_hi[axis] - c_lo[axis])
-    left = first
-    right = first + count - 1
-    while left <= right:
-        if bin_of(lo[left], hi[left], axis, c_lo[axis], scale) < plane:
-            left += 1
-        else:
-            one = order[left]
-            order[left] = order[right]
-            order[right] = one
-            corner = lo[left]
-            lo[left] = lo[right]
-            lo[right] = corner
-            corner = hi[left]
-            hi[left] = hi[right]
-            hi[right] = corner
-            right -= 1
-    return left - first, area
 
 
 @wp.kernel
@@ -216,11 +23,14 @@ def split_ranges(
 ):
     """Splits all boxes until every range fits in a leaf, which holds `leaf` of them at most, and reorders them so.
 
+    lo, hi: (n,), corners of the boxes, which are reordered.
     most: ranges, after which it ends.
-    waiting: right parts, while what is left of them is split: (first, count, the range that they are of).
-    ranges: that do not fit in a leaf: (size of the left part, right part); a part that does not fit comes after the
-        whole, the left one next, and one that fits is no range: -1.
-    size: how many ranges there are.
+    order: (n,), the boxes' numbers, which are reordered likewise.
+    waiting: (n, 3), right parts while the left ones are split: (first, count, the range that they are of).
+    ranges: (n, 2), those that do not fit in a leaf: (size of the left part, right part). A part that does not fit comes
+        after the whole, the left one next, and one that fits is no range: -1.
+    areas: (n,), half the area of the box around each of the ranges.
+    size: (1,), how many ranges there are.
     """
     made = int(0)
     first = int(0)
@@ -228,7 +38,7 @@ def split_ranges(
     depth = int(0)
     while depth >= 0 and made < most:
         if count > leaf:
-            left, area = split(lo, hi, order, first, count, leaf)
+            left, area = split_range(lo, hi, order, first, count, leaf)
             areas[made] = area
             ranges[made, 0] = left
             ranges[made, 1] = -1
@@ -259,10 +69,12 @@ def choose_cuts(
 ):
     """Which ranges become nodes, for the least total area of nodes (Ylitie, Karras and Laine 2017, section 3).
 
+    leaf: boxes of a leaf, at most.
     below: parts of a single range whose costs are there already, the left one's last, of those that are ranges too.
-    costs: of ranges whose wholes come later, as at most s children of a node above them; row 0 is that of all that fits
-        in a leaf. In the end row 1 is that of the first range.
-    cuts: how many of these s the left part has; 0 if s - 1 do as well. With s = WIDTH, those of its own node.
+    ranges, areas: (m, 2) and (m,), of `split_ranges`.
+    costs: (k, 17), in column s that of a range whose whole comes later, as at most s children of a node above it; row 0
+        is that of all that fits in a leaf. In the end row 1 is that of the first range.
+    cuts: (m, 17), how many of these s the left part has; 0 if s - 1 do as well. With s = 16, those of its own node.
     """
     for s in range(WIDTH + 1):
         costs[0, s] = 0.0
@@ -313,9 +125,16 @@ def open_nodes(
     leaves: wp.array2d(dtype=int),
     sizes: wp.array(dtype=int),
 ):
-    """Writes nodes (boxes, children), leaves (first, count) and sizes (nodes, leaves).
+    """Writes nodes and leaves.
 
-    waiting: what is to become a node, at its place: (range or -1, first, count, level).
+    lo, hi: (n,), corners of the boxes, in the order of the ranges.
+    leaf: boxes of a leaf, at most.
+    ranges, cuts: (m, 2) and (m, 17), of `split_ranges` and `choose_cuts`.
+    waiting: (n, 4), what is to become a node, at its place: (range or -1, first, count, level).
+    boxes: (n, 6, 16), of the nodes' children: lower x, upper x, lower y and so on.
+    children: (n, 16), another node, or -1 - the index of a leaf.
+    leaves: (n, 2), (first, count) of their boxes.
+    sizes: (2,), how many nodes and leaves there are.
 
     The surface area heuristic may part one box from all others, so a node is opened by it only while the levels
     below have room for all of its boxes. Else it and all below are opened into parts of equal counts, and they have:
@@ -368,13 +187,11 @@ def open_nodes(
                 else:
                     part += 1
         for part in range(WIDTH):
-            box_lo = wp.vec3(UNBOUNDED)
-            box_hi = wp.vec3(-UNBOUNDED)
+            box = empty_box()
             children[node, part] = 0
             if part < parts:
                 for i in range(part_first[part], part_first[part] + part_count[part]):
-                    box_lo = wp.min(box_lo, lo[i])
-                    box_hi = wp.max(box_hi, hi[i])
+                    box = grow(box, lo[i], hi[i])
                 if part_count[part] > leaf:
                     waiting[node_count, 0] = part_range[part]
                     waiting[node_count, 1] = part_first[part]
@@ -388,8 +205,8 @@ def open_nodes(
                     children[node, part] = -1 - leaf_count
                     leaf_count += 1
             for axis in range(3):
-                boxes[node, 2 * axis, part] = box_lo[axis]
-                boxes[node, 2 * axis + 1, part] = box_hi[axis]
+                boxes[node, 2 * axis, part] = box.low[axis]
+                boxes[node, 2 * axis + 1, part] = box.high[axis]
         node += 1
     sizes[0] = node_count
     sizes[1] = leaf_count
