@@ -8,6 +8,7 @@ import pytest
 from fgf_warp import renderer
 from fgf_warp.errors import ConfigError
 from fgf_warp.features import required_features
+from fgf_warp.film import MEAN_AOVS
 from fgf_warp.integrator import build_program
 from fgf_warp.renderer import Variant, batches, image_bytes, render, render_batch
 from fgf_warp.settings import GIB, RENDERED_AOVS, RenderSettings
@@ -96,7 +97,7 @@ def test_the_memory_that_an_image_is_said_to_need_is_what_it_takes(monkeypatch):
         "invalid",
         "truncated",
     )
-    films = sum(getattr(state.film, name).capacity for name in (*own, *renderer.MEAN_AOVS))
+    films = sum(getattr(state.film, name).capacity for name in (*own, *MEAN_AOVS))
     # The samples so far, and while a step is at work, those before and after it, and the order of pixels.
     assert films + 4 * state.samples.nbytes == image_bytes(settings)
 
