@@ -1,4 +1,4 @@
-"""Tables of directional albedo on their way to the device, made by `theory.bsdf` and read by `device.bsdf`."""
+"""Tables of directional albedo on their way to the device, made by `theory.bsdf` and read by `device.albedos`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fgf_warp.theory import bsdf as theory
 
 
 class AlbedoTables:
-    """Blocks of tables, one after the other in an array; each is there once. `device.bsdf` tells their layout."""
+    """Blocks of tables, one after the other in an array; each is there once. `device.albedos` tells their layout."""
 
     def __init__(self) -> None:
         whole, tip = theory.ggx_albedo()
