@@ -120,6 +120,13 @@ class RenderFeatures:
         return self.connections and not is_scalar
 
     @property
+    def medium_kind(self) -> str:
+        """How media are built into the kernel, a key of `integrator.media.KINDS`."""
+        if not self.media:
+            return "none"
+        return "lone" if self.lone_law else "many"
+
+    @property
     def refracts(self) -> bool:
         """True where light enters media through surfaces."""
         return self.passes and self.media

@@ -11,11 +11,11 @@ import warp as wp
 
 from fgf_warp import __version__
 from fgf_warp.errors import NumericalError
-from fgf_warp.integrator import NOT_SEEN, Film
+from fgf_warp.integrator.tally import PLANES
 from fgf_warp.model import Model, State
 from fgf_warp.result import RenderResult
 from fgf_warp.scene import Instances, Scene, Shape, count_of
-from fgf_warp.settings import PRIM_AOVS, SPLIT_AOVS, Aov, RenderSettings
+from fgf_warp.settings import Aov, RenderSettings
 
 FARTHEST = 1e38
 """Depths beyond it stand for nothing met."""
@@ -37,40 +37,19 @@ def begin(model: Model) -> State:
     settings = model.settings
     pixels = settings.width * settings.height * len(model.variants)
 
-    def plane(dtype: Any, needed: bool = True) -> wp.array:
-        return wp.zeros(pixels if needed else 0, dtype=dtype, device=settings.device)
-
-    film = Film()
-    film.radiance = plane(wp.vec3d)
-    film.radiance_sq = plane(wp.vec3d)
-    film.alpha = plane(wp.float64)
-    film.depth = plane(wp.float32, Aov.DEPTH in settings.aovs)
-    film.depth.fill_(np.inf)
-    for aov in MEAN_AOVS:
-        setattr(film, aov, plane(wp.vec3d, aov in summed_planes(settings)))
-    film.scatterings = plane(wp.float64, Aov.SCATTERINGS in settings.aovs)
-    tells_prims = bool(settings.aovs & PRIM_AOVS)
-    film.seen = plane(wp.float32, tells_prims)
-    film.seen.fill_(np.inf)
-    film.seen_item = plane(wp.int32, tells_prims)
-    film.seen_item.fill_(NOT_SEEN)
-    film.invalid = plane(wp.int32)
-    film.truncated = plane(wp.int32)
+    film = model.program.film()
+    for plane in model.program.planes:
+        sums = wp.zeros(pixels, dtype=plane.dtype, device=settings.device)
+        if plane.initial:
+            sums.fill_(plane.initial)
+        setattr(film, plane.name, sums)
     images = len(model.variants)
     return State(film, np.zeros((images, settings.height, settings.width), dtype=np.int32), np.zeros(images))
 
 
-def summed_planes(settings: RenderSettings) -> set[Aov]:
-    """Vector planes that the film sums: of the two parts of the radiance one."""
-    return {aov for aov in MEAN_AOVS if aov in settings.aovs} | ({Aov.DIRECT} if settings.aovs & SPLIT_AOVS else set())
-
-
 def film_bytes(settings: RenderSettings) -> int:
     """Memory of the film of one pixel [byte]."""
-    always = 2 * 24 + 8 + 2 * 4  # radiance and its square, alpha, two counts
-    vectors = 24 * len(summed_planes(settings))
-    numbers = 4 * (Aov.DEPTH in settings.aovs) + 8 * (Aov.SCATTERINGS in settings.aovs)
-    return always + vectors + numbers + 2 * 4 * bool(settings.aovs & PRIM_AOVS)
+    return sum(plane.pixel_bytes for plane in PLANES if plane.is_needed(settings.aovs))
 
 
 def develop(model: Model, state: State, image: int = 0) -> RenderResult:
@@ -110,7 +89,9 @@ def develop(model: Model, state: State, image: int = 0) -> RenderResult:
         aovs[Aov.DEPTH] = np.where(depth < FARTHEST, depth, np.inf).astype(np.float32)
     for aov in MEAN_AOVS:
         if aov in settings.aovs:
-            aovs[aov] = mean(getattr(film, aov)).astype(np.float32)
+            # What the kernel need not sum is 0: normals without surfaces, and motion of what rests.
+            is_summed = any(plane.name == aov for plane in model.program.planes)
+            aovs[aov] = (mean(getattr(film, aov)) if is_summed else np.zeros(radiance.shape)).astype(np.float32)
     if Aov.MOTION in settings.aovs:
         aovs[Aov.MOTION] = aovs[Aov.MOTION][..., :2]
     if Aov.DIRECT in settings.aovs:

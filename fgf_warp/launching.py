@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from fgf_warp.integrator import Counts, Round
+from fgf_warp.integrator.work import Counts, Round
 from fgf_warp.model import Model, State
 
 Progress = Callable[[int, int], None]

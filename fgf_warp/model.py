@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fgf_warp.integrator import Program
+from fgf_warp.integrator.program import Program
 from fgf_warp.scene import Medium, Scene
 from fgf_warp.settings import RenderSettings
 from fgf_warp.upload import UploadedScene

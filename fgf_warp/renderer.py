@@ -20,7 +20,7 @@ from fgf_warp.errors import ConfigError
 from fgf_warp.features import required_features
 from fgf_warp.film import begin, develop, film_bytes
 from fgf_warp.headers import load_on_cpu
-from fgf_warp.integrator import Program, build_program
+from fgf_warp.integrator.program import Program, build_program
 from fgf_warp.launching import BLOCK_DIM, Progress, advance_cpu, advance_cuda
 from fgf_warp.locks import hold
 from fgf_warp.model import Model, State, Variant
@@ -136,7 +136,7 @@ def build_model(scene: Scene, settings: RenderSettings, variants: Sequence[Varia
     check_memory(settings, len(images))
     program = prepare(scene.with_media(images[0].media), settings)
     media, seeds = [image.media for image in images], [image.seed for image in images]
-    uploaded = upload(scene, settings, media, seeds, shading=program.features.shading)
+    uploaded = upload(scene, settings, media, seeds, program)
     return Model(scene, settings, images, program, uploaded)
 
 

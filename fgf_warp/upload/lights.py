@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.device import lights
-from fgf_warp.integrator import LIGHT_KINDS
+from fgf_warp.integrator.kinds import LIGHT_KINDS
 from fgf_warp.scene import (
     AreaLight,
     CylinderLight,

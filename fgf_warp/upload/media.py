@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.device import law, medium, phase, tables
-from fgf_warp.integrator import LAW_KINDS
+from fgf_warp.integrator.kinds import LAW_KINDS
 from fgf_warp.scene import Medium, Scene, Shape, encloses
 from fgf_warp.settings import RenderSettings
 from fgf_warp.theory import fbm, kernels

@@ -15,7 +15,8 @@ from fgf_warp.device.bvh import Bvh
 from fgf_warp.device.lights import LightTables
 from fgf_warp.device.shading import Shading
 from fgf_warp.errors import UnsupportedFeatureError
-from fgf_warp.integrator import Limits, SceneData
+from fgf_warp.integrator.program import Program
+from fgf_warp.integrator.work import Limits
 from fgf_warp.scene import (
     BLACK,
     MAX_CONTAINERS,
@@ -52,7 +53,7 @@ class UploadedScene:
     """A scene on a device.
 
     Args:
-        data: the kernel's view of it, `SceneData`.
+        data: the kernel's view of it, `Program.scene`.
         limits: the kernel's view of the settings, `Limits`.
         kept: what `data` holds the addresses of, so that it lives as long.
     """
@@ -67,8 +68,7 @@ def upload(
     settings: RenderSettings,
     media_of_images: Sequence[Sequence[Medium]],
     seeds: Sequence[int],
-    *,
-    shading: bool = False,
+    program: Program,
 ) -> UploadedScene:
     """Copies a scene to `settings.device`.
 
@@ -77,7 +77,7 @@ def upload(
         settings: how they are rendered.
         media_of_images: for each image what takes the place of the scene's media.
         seeds: of each image, in [0, 2^64).
-        shading: whether surfaces are more than matte.
+        program: whose kernels render it, and have what they read of it.
 
     Returns:
         The scene as the kernels read it.
@@ -94,29 +94,35 @@ def upload(
     hanging = set(solids_in_tree(shapes))
     solids = [shape for shape in shapes if isinstance(shape, Solid) and shape not in hanging]
 
-    data = SceneData()
-    data.camera = _camera(scene.camera, settings.width, settings.height)
-    data.environment = wp.vec3(*even_environment(scene))
-    data.solids = upload_solids(solids, shapes, device)
+    parts: dict[str, Any] = {}
+    parts["camera"] = _camera(scene.camera, settings.width, settings.height)
+    parts["environment"] = wp.vec3(*even_environment(scene))
+    parts["solids"] = upload_solids(solids, shapes, device)
     filled = [k for k, solid in enumerate(solids) if solid.medium is not None]
-    data.lone_solid = filled[0] if filled else -1
+    parts["lone_solid"] = filled[0] if filled else -1
     meshes = build_device_meshes(shapes, connected_lights(scene), device)
-    data.meshes = wp.array([meshes], dtype=Bvh, device=device)
-    data.motions = meshes.motions
-    data.surfaces, data.surface_of = _surfaces(surfaced, device)
+    parts["meshes"] = wp.array([meshes], dtype=Bvh, device=device)
+    parts["motions"] = meshes.motions
+    parts["surfaces"], parts["surface_of"] = _surfaces(surfaced, device)
     kept: list[Any] = [meshes]
-    if shading:
+    if program.features.shading:
         kept.append(build_device_shading(shapes, containers, device))
-        data.shading = wp.array(kept[-1:], dtype=Shading, device=device)
-    _add_media(data, scene, settings, media_of_images, containers)
+        parts["shading"] = wp.array(kept[-1:], dtype=Shading, device=device)
+    _add_media(parts, scene, settings, media_of_images, containers)
     if Aov.MOTION in settings.aovs:
-        data.surface_drifts = _drifts(surfaced, device)
-        data.container_drifts = _drifts(containers, device)
-    data.lights, light_tables = build_device_lights(scene, containers, device)
-    data.light_tables = wp.array([light_tables], dtype=LightTables, device=device)
-    kept += [*_add_surroundings(data, scene, settings, containers), light_tables]
-    data.seeds = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
+        parts["surface_drifts"] = _drifts(surfaced, device)
+        parts["container_drifts"] = _drifts(containers, device)
+    parts["lights"], light_tables = build_device_lights(scene, containers, device)
+    parts["light_tables"] = wp.array([light_tables], dtype=LightTables, device=device)
+    kept += [
+        *_add_surroundings(parts, scene, settings, containers, is_varied=program.features.varied_starts),
+        light_tables,
+    ]
+    parts["seeds"] = wp.array(np.array(seeds, dtype=np.uint64), dtype=wp.uint64, device=device)
 
+    data = program.scene()
+    for name in program.scene.vars:
+        setattr(data, name, parts[name])
     limits = Limits()
     limits.max_depth = settings.max_depth
     limits.roulette_depth = settings.roulette_depth
@@ -132,7 +138,7 @@ def _check_containers(containers: Sequence[Shape], scene: Scene) -> None:
 
 
 def _add_media(
-    data: Any,
+    parts: dict[str, Any],
     scene: Scene,
     settings: RenderSettings,
     media_of_images: Sequence[Sequence[Medium]],
@@ -145,31 +151,34 @@ def _add_media(
         for own in media_of_images
         for index, item in enumerate(own)
     ]
-    data.media = wp.array(media, dtype=medium.Medium, device=settings.device)
-    data.media_count = len(scene.media)
-    data.tables = rows.upload(settings.device)
+    parts["media"] = wp.array(media, dtype=medium.Medium, device=settings.device)
+    parts["media_count"] = len(scene.media)
+    parts["first_medium"] = 0
+    parts["tables"] = rows.upload(settings.device)
     filled = build_device_containers(containers, scene, indices_of_refraction(containers))
-    data.containers = wp.array(filled, dtype=medium.Container, device=settings.device)
+    parts["containers"] = wp.array(filled, dtype=medium.Container, device=settings.device)
 
 
-def _add_surroundings(data: Any, scene: Scene, settings: RenderSettings, containers: Sequence[Shape]) -> list[Any]:
+def _add_surroundings(
+    parts: dict[str, Any], scene: Scene, settings: RenderSettings, containers: Sequence[Shape], *, is_varied: bool
+) -> list[Any]:
     """Adds what camera rays begin in: the same for all of them, or the boundaries to find it by.
 
     Returns:
-        What `data` holds the addresses of.
+        What these parts hold the addresses of.
     """
     low, high = scene.camera.start_bounds(settings.width, settings.height)
     inside = containers_around((low + high) / 2, containers)
-    data.camera_inside = wp.uint32(inside)
-    data.contact_rounding = scene.contact_rounding
-    data.camera_ior = ior_around(inside, containers, scene)
-    if not scene.shapes_around_starts(settings.width, settings.height):
+    parts["camera_inside"] = wp.uint32(inside)
+    parts["contact_rounding"] = scene.contact_rounding
+    parts["camera_ior"] = ior_around(inside, containers, scene)
+    if not is_varied:
         return []
     lows, highs = zip(*(shape_bounds(shape) for shape in containers), strict=True)
     low, high = np.min(lows, axis=0), np.max(highs, axis=0)
-    data.media_center, data.media_radius = wp.vec3(*(low + high) / 2), float(np.linalg.norm(high - low))
+    parts["media_center"], parts["media_radius"] = wp.vec3(*(low + high) / 2), float(np.linalg.norm(high - low))
     boundaries = build_device_meshes([_bare(shape) for shape in containers], [], settings.device)
-    data.boundaries = wp.array([boundaries], dtype=Bvh, device=settings.device)
+    parts["boundaries"] = wp.array([boundaries], dtype=Bvh, device=settings.device)
     return [boundaries]
 
 

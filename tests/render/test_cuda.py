@@ -6,7 +6,7 @@ import pytest
 import warp as wp
 
 from fgf_warp.features import required_features
-from fgf_warp.integrator import build_program
+from fgf_warp.integrator.program import build_program
 from fgf_warp.renderer import render
 from fgf_warp.scene import Mesh
 from fgf_warp.settings import RENDERED_AOVS, RenderSettings

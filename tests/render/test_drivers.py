@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 
 from fgf_warp import launching
-from fgf_warp.integrator import Counts, Round
+from fgf_warp.integrator.work import Counts, Round
 from fgf_warp.renderer import Variant, begin, build_model, develop, step
 from fgf_warp.settings import RENDERED_AOVS, Aov, RenderSettings
 from tests.grid import REGIMES

@@ -8,7 +8,7 @@ import pytest
 from fgf_warp import launching, renderer
 from fgf_warp.errors import ConfigError, NumericalError, UnsupportedFeatureError
 from fgf_warp.features import required_features
-from fgf_warp.integrator import build_program
+from fgf_warp.integrator.program import build_program
 from fgf_warp.renderer import begin, build_model, check_device, develop, render, step
 from fgf_warp.scene import AreaLight, Solid, Surface
 from fgf_warp.settings import RENDERED_AOVS, Aov, RenderSettings
