@@ -23,7 +23,7 @@ from fgf_warp.device.microfacet import fresnel_dielectric, grazing_share, is_smo
 class Bsdf:
     """A surface at one point, seen from one side: `theory.bsdf.Bsdf`, and what follows from it.
 
-    First what is set from outside, then what `prepare_bsdf` adds.
+    First what is set from outside, then what `prepare_bsdf` adds. Roughnesses, weights and colours are in [0, 1].
     """
 
     normal: wp.vec3
@@ -33,20 +33,28 @@ class Bsdf:
     wo: wp.vec3
     """Unit vector to where it is seen from, in the frame of `normal`."""
     diffuse: wp.vec3
+    """Reflectance of the matte layer, and of the metal."""
     metallic: float
+    """Share of the metal beside the specular layer's dielectric."""
     specular: wp.vec3
+    """Reflectance at normal incidence, in the specular workflow."""
     is_specular: int
     """1: the specular workflow."""
     roughness: float
+    """Square root of the alpha of the specular layer, and of glass."""
     clearcoat: float
+    """Weight of the coat."""
     clearcoat_roughness: float
     ior: float
+    """Index of refraction of the specular layer and of the coat, > 0."""
     dielectric: int
     """Block of `ior`."""
     fade: float
+    """Share of the matte layer that is there; the light that the rest would have got passes straight."""
     cover: float
+    """Share of all layers that is there; the rest is glass, or light passes straight through it."""
     eta: float
-    """Of glass; 0 where there is none."""
+    """Of glass: index of refraction beyond the surface over that before it; 0 where there is no glass."""
     front: int
     back: int
     """Blocks of `eta` and of its inverse."""
@@ -54,7 +62,7 @@ class Bsdf:
     passes: wp.vec3
     """Share that passes straight."""
     multiple: wp.vec3
-    """The same of all facets, metal's included, over pi times what is scattered more than once."""
+    """`shares` of all facets, metal's included, over pi times the share of light that they scatter more than once."""
     shares: wp.vec3
     """Of what the facets of the specular layer's dielectric scatter more than once, the share that is not absorbed."""
     matte: wp.vec3

@@ -14,10 +14,12 @@ LEAF = wp.constant(8)
 MAX_LEVELS = wp.constant(7)
 """Of a tree, which then has room for 16^7 full leaves."""
 NODE_FLOATS = wp.constant(6 * 16)
-"""Lower and upper x, y, z of the children's boxes, a row each; none is flat, and an empty child's is inside out."""
+"""Lower x, upper x, lower y and so on of the children's boxes, a row each; none is flat, and an empty child's is inside
+out."""
 LEAF_FLOATS = wp.constant(9 * 8)
 """x, y, z of the first, second and third corners, a row each; an empty place is NaN, and no ray meets it."""
 CORNER_FLOATS = wp.constant(3 * 8)
+"""From a corner's rows to those of the next."""
 NONE = wp.constant(2147483647)
 """Stands for no node."""
 
@@ -60,11 +62,11 @@ class Bvh:
     """The trees; without meshes there are no nodes."""
 
     boxes: wp.array(dtype=vec8)
-    """Per node: six rows of sixteen."""
+    """Per node: six rows of sixteen, lower x, upper x, lower y and so on [stage unit]."""
     children: wp.array(dtype=vec8i)
     """Per node: the indices of sixteen inner nodes, or -1 - the index of a leaf, or of an instance."""
     triangles: wp.array(dtype=vec8)
-    """Per leaf: nine rows of eight."""
+    """Per leaf: nine rows of eight, see `LEAF_FLOATS` [stage unit]."""
     owners: wp.array(dtype=vec8i)
     """Per leaf: index of the triangles' meshes."""
     faces: wp.array(dtype=vec8i)

@@ -16,6 +16,7 @@ vec16 = wp.types.vector(length=16, dtype=wp.float32)
 BOX_SLACK = wp.constant(1.0000005)
 """1 + 2 gamma(3) of Ize, and some more since it scales the inverse of the slope."""
 TINY_SLOPE = wp.constant(1.0e-30)
+"""Stands for a slope of 0, whose inverse is no float32."""
 
 
 @wp.struct
@@ -71,9 +72,10 @@ def longest_axis(direction: wp.vec3) -> int:
 
 @wp.func(inline=True)
 def intersect_boxes(boxes: wp.array(dtype=float), row: int, ray: Ray, t_least: float, t_most: float):
-    """Distances at which the ray enters the children of a node, and bits of those that it is in from t_least to t_most.
+    """Tests the boxes of a node's children: distances at which the ray enters them, and bits of those that it meets.
 
     row: where the node begins.
+    t_least, t_most: distances along the ray between which a box counts [stage unit].
     """
     near = ray.near + wp.vec3i(row, row, row)
     far = ray.far + wp.vec3i(row, row, row)
@@ -100,9 +102,10 @@ def intersect_boxes(boxes: wp.array(dtype=float), row: int, ray: Ray, t_least: f
 
 @wp.func(inline=True)
 def intersect_triangles(triangles: wp.array(dtype=float), row: int, ray: Ray, t_least: float, t_most: float):
-    """Distances of a leaf's triangles, and bits of those between t_least and t_most: eight of fronts, eight of backs.
+    """Tests a leaf's triangles: their distances, and bits of those that the ray meets, eight of fronts, eight of backs.
 
     row: where the leaf begins.
+    t_least, t_most: distances along the ray between which a triangle counts, without the ends [stage unit].
     """
     # In the ray's frame.
     rows = ray.axes * LEAF + wp.vec3i(row, row, row)
@@ -163,7 +166,7 @@ def shear_corner(corner: wp.vec3, ray: Ray) -> wp.vec2:
 
 @wp.func
 def corner_weights(triangles: wp.array(dtype=float), leaf: int, lane: int, ray: Ray) -> wp.vec2:
-    """Weights of the second and third corners at the point where the ray meets a triangle; none is negative."""
+    """Weights, in [0, 1], of the second and third corners at the point where the ray meets a triangle."""
     a = shear_corner(corner_of(triangles, leaf, lane, 0), ray)
     b = shear_corner(corner_of(triangles, leaf, lane, 1), ray)
     c = shear_corner(corner_of(triangles, leaf, lane, 2), ray)
