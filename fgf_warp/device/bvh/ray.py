@@ -173,7 +173,9 @@ def corner_weights(triangles: wp.array(dtype=float), leaf: int, lane: int, ray: 
     u = c[0] * b[1] - c[1] * b[0]
     v = a[0] * c[1] - a[1] * c[0]
     w = b[0] * a[1] - b[1] * a[0]
-    return wp.vec2(v, w) / (u + v + w)
+    # One division: of two, the compiler makes one or leaves both, so the last bit would differ from kernel to kernel.
+    inverse = 1.0 / (u + v + w)
+    return wp.vec2(v * inverse, w * inverse)
 
 
 @wp.func(inline=True)

@@ -212,8 +212,8 @@ def build_choose_triangle(features: Any) -> Any:
 def build_describe_hit(features: Any) -> Any:
     """The function that completes the hit of a triangle's surface, in a scene of these features.
 
-    It has the arguments (trees, triangles, hit, leaf, lane, instance, origin, direction, time). It adds the unit normal
-    in the world, and where textures vary the face and the weights of its corners. A leaf of -1 stands for no triangle.
+    It has the arguments (trees, triangles, hit, leaf, lane, instance, world_ray, time). It adds the unit normal in the
+    world, and where textures vary the face and the weights of its corners. A leaf of -1 stands for no triangle.
     """
     place_instance = build_place_instance(features)
 
@@ -225,18 +225,17 @@ def build_describe_hit(features: Any) -> Any:
         leaf: int,
         lane: int,
         instance: int,
-        origin: wp.vec3,
-        direction: wp.vec3,
+        world_ray: Ray,
         time: float,
     ) -> Hit:
         hit = found
         if leaf >= 0 and hit.kind != BOUNDARY:
             hit.normal = triangle_normal(triangles, leaf, lane)
-            ray = prepare_ray(origin, direction)
+            ray = world_ray
             if wp.static(features.instances):
                 if instance >= 0:
                     placement = place_instance(trees, instance, time)
-                    ray = ray_in_instance(placement, origin, direction)
+                    ray = ray_in_instance(placement, world_ray.origin, world_ray.direction)
                     hit.normal = unit(wp.transpose(placement.to_object) * hit.normal)
             if wp.static(features.faces):
                 weights = corner_weights(triangles, leaf, lane, ray)
@@ -377,6 +376,6 @@ def build_intersect_meshes(features: Any) -> Any:
                 depth -= 1
             node = waiting[depth & depth_bits]
 
-        return describe_hit(trees, triangles, hit, hit_leaf, hit_lane, hit_instance, origin, direction, start.time)
+        return describe_hit(trees, triangles, hit, hit_leaf, hit_lane, hit_instance, ray, start.time)
 
     return intersect_meshes
