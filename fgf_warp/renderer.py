@@ -1,119 +1,64 @@
-"""A render as a simulation: an immutable model, a state, and a step that adds samples to it."""
+"""A render as a simulation: an immutable model, a state, and a step that adds samples to it.
+
+What a user of the renderer calls is here or imported here: `render`, `render_batch`, and what these are made of.
+"""
 
 from __future__ import annotations
 
 import os
-import platform
 import threading
-import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import warp as wp
 
-from fgf_warp import __version__
-from fgf_warp.bvh import load_builder
-from fgf_warp.errors import ConfigError, NumericalError
+from fgf_warp.errors import ConfigError
 from fgf_warp.features import required_features
+from fgf_warp.film import begin, develop, film_bytes
 from fgf_warp.headers import load_on_cpu
 from fgf_warp.integrator.program import Program, build_program
-from fgf_warp.integrator.tally import PLANES
-from fgf_warp.integrator.work import Counts, Round
+from fgf_warp.launching import BLOCK_DIM, Progress, advance_cpu, advance_cuda
 from fgf_warp.locks import hold
+from fgf_warp.model import Model, State, Variant
 from fgf_warp.result import RenderResult
-from fgf_warp.scene import Instances, Medium, Scene, Shape, count_of
-from fgf_warp.settings import GIB, RENDERED_AOVS, Aov, RenderSettings
-from fgf_warp.upload import UploadedScene, upload
+from fgf_warp.scene import Scene
+from fgf_warp.settings import GIB, RENDERED_AOVS, RenderSettings
+from fgf_warp.upload import load_builder, upload
 
-Progress = Callable[[int, int], None]
-"""Called with the camera paths done so far, and in all."""
+__all__ = [
+    "Model",
+    "Progress",
+    "State",
+    "Variant",
+    "advance",
+    "batches",
+    "begin",
+    "build_model",
+    "check_device",
+    "check_memory",
+    "develop",
+    "image_bytes",
+    "memory_in_force",
+    "prepare",
+    "render",
+    "render_batch",
+    "step",
+]
 
-PATHS_PER_LAUNCH = 1 << 18
-"""On the CPU: so many that the lanes are rarely idle at the end, so few that a launch is soon over."""
-PIXELS_PER_TASK = 1 << 12
-"""On the CPU, at most: some pixels for each lane, so that dark ones do not leave lanes idle."""
-TASKS_PER_THREAD = 4
-"""On the CPU, at least, so that threads end together."""
-PATHS_PER_CUDA_LAUNCH = 1 << 24
-"""On CUDA: enough to fill the device."""
-FARTHEST = 1e38
-"""Depths beyond it stand for nothing met."""
-BLOCK_DIM = 128
-"""Threads of a CUDA block."""
-MEAN_AOVS = (
-    Aov.TRANSMITTANCE,
-    Aov.ALBEDO,
-    Aov.COLLISIONS,
-    Aov.PATH_LENGTH,
-    Aov.NORMAL,
-    Aov.MOTION,
-    Aov.OPTICAL_DEPTH,
-    Aov.DIRECT,
-)
-"""Planes of vectors that are means over the samples; the film has their sums under the same names."""
-COUNTS_BYTES = 4 * 4
-"""Per pixel: the samples so far, and while a step is at work, those before and after it, and the order of pixels."""
 DEVELOPING_BYTES = 128
 """Per pixel, while the image of a film is made: radiance and its variance, and float64 values on the way to planes."""
+COUNTS_BYTES = 4 * 4
+"""Per pixel: its samples so far, and while a step is at work, those before and after it, and the order of pixels."""
 PLANE_BYTES = 12
 """Per pixel of each further plane, at most: three channels of float32."""
 LOCK = "fgf-warp.lock"
 """In the folder of the kernel cache."""
 
 _build_lock = threading.Lock()
-
-
-@dataclass(frozen=True)
-class Variant:
-    """What one image of a batch has of its own.
-
-    Args:
-        media: in place of the scene's, one for each.
-        seed: in place of the settings', in [0, 2^64).
-    """
-
-    media: tuple[Medium, ...]
-    seed: int
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """What stays the same during a render: the scene on its device, and the kernel made for it.
-
-    Args:
-        scene: what is rendered.
-        settings: how.
-        variants: one for each image.
-        program: the kernels.
-        uploaded: scene and variants on the device.
-    """
-
-    scene: Scene
-    settings: RenderSettings
-    variants: tuple[Variant, ...]
-    program: Program
-    uploaded: UploadedScene
-
-
-@dataclass(eq=False)
-class State:
-    """What a render changes.
-
-    Args:
-        film: sums over samples, for each pixel of each image.
-        samples: (images, height, width) int32, that each pixel has so far.
-        seconds: (images,) that each image took: the time of all threads over their number.
-    """
-
-    film: Any
-    samples: np.ndarray
-    seconds: np.ndarray
 
 
 def check_device(name: str) -> None:
@@ -129,7 +74,14 @@ def check_device(name: str) -> None:
 
 
 def prepare(scene: Scene, settings: RenderSettings) -> Program:
-    """The kernel for this scene and these settings, built and loaded on the device.
+    """Builds the kernel for this scene and these settings where there is none yet, and loads it on the device.
+
+    Args:
+        scene: what it renders.
+        settings: how.
+
+    Returns:
+        The kernels.
 
     Raises:
         ConfigError: for a device that is not there.
@@ -173,6 +125,9 @@ def build_model(scene: Scene, settings: RenderSettings, variants: Sequence[Varia
         settings: how.
         variants: one for each image, all of one kind of kernel, see `batches`; by default the scene as it is.
 
+    Returns:
+        The model of all images.
+
     Raises:
         ConfigError: for a device that is not there, or images that need more memory than `settings.memory`.
         UnsupportedFeatureError: for a scene that this version cannot render.
@@ -194,6 +149,9 @@ def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings,
         settings: that the images share, but for the seed.
         together: so many successive images, of one kind of kernel, are in one model.
 
+    Yields:
+        Models, in the order of the variants.
+
     Raises:
         ConfigError: where the memory does not hold a single image, or for a device that is not there.
         UnsupportedFeatureError: for a scene that this version cannot render.
@@ -207,10 +165,9 @@ def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings,
 
 
 def image_bytes(settings: RenderSettings) -> int:
-    """Memory that one image takes while it is rendered, beside the scene."""
-    film = sum(plane.pixel_bytes for plane in PLANES if plane.is_needed(settings.aovs))
-    film += COUNTS_BYTES + DEVELOPING_BYTES + PLANE_BYTES * len(settings.aovs)
-    return settings.width * settings.height * film
+    """Memory that one image takes while it is rendered, beside the scene [byte]."""
+    developing = DEVELOPING_BYTES + PLANE_BYTES * len(settings.aovs)
+    return settings.width * settings.height * (film_bytes(settings) + COUNTS_BYTES + developing)
 
 
 def check_memory(settings: RenderSettings, images: int = 1) -> None:
@@ -234,22 +191,15 @@ def memory_in_force(settings: RenderSettings) -> float:
     return min(settings.memory, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / GIB)
 
 
-def begin(model: Model) -> State:
-    """Empty films."""
-    settings = model.settings
-    pixels = settings.width * settings.height * len(model.variants)
-    film = model.program.film()
-    for plane in model.program.planes:
-        sums = wp.zeros(pixels, dtype=plane.dtype, device=settings.device)
-        if plane.initial:
-            sums.fill_(plane.initial)
-        setattr(film, plane.name, sums)
-    images = len(model.variants)
-    return State(film, np.zeros((images, settings.height, settings.width), dtype=np.int32), np.zeros(images))
-
-
 def step(model: Model, state: State, samples: int | np.ndarray, progress: Progress | None = None) -> None:
-    """Adds `samples` per pixel to every image; how a render is cut into steps does not change its pixels."""
+    """Adds samples to every image; how a render is cut into steps does not change its pixels.
+
+    Args:
+        model: what to render.
+        state: so far, which is changed.
+        samples: to add per pixel, >= 0; of pixels that get different numbers (images, height, width).
+        progress: called with the camera paths done and in all.
+    """
     for _ in advance(model, state, samples, progress):
         pass
 
@@ -278,7 +228,7 @@ def advance(
         return
     wanted = state.samples.copy()
     wanted[list(chosen)] += np.asarray(samples, dtype=np.int32)
-    advance_on = _advance_cpu if model.settings.device == "cpu" else _advance_cuda
+    advance_on = advance_cpu if model.settings.device == "cpu" else advance_cuda
     for image in advance_on(model, state, chosen, wanted, progress):
         state.samples[image] = wanted[image]
         yield image
@@ -291,6 +241,9 @@ def render(scene: Scene, settings: RenderSettings, progress: Progress | None = N
         scene: what to render.
         settings: how far.
         progress: called with the camera paths done and in all.
+
+    Returns:
+        The image, as float32 arrays.
 
     Raises:
         ConfigError: for a device that is not there, or an image that needs more memory than `settings.memory`.
@@ -332,275 +285,3 @@ def _render_batch(model: Model, progress: Progress | None) -> Iterator[RenderRes
     state = begin(model)
     for image in advance(model, state, model.settings.spp, progress):
         yield develop(model, state, image)
-
-
-def develop(model: Model, state: State, image: int = 0) -> RenderResult:
-    """One image of a state, of at least one sample.
-
-    Raises:
-        NumericalError: where a sample was not finite, naming its pixel.
-    """
-    settings, film, counts = model.settings, state.film, state.samples[image]
-    pixels = settings.width * settings.height
-
-    def plane(sums: wp.array) -> np.ndarray:
-        values = sums[image * pixels : (image + 1) * pixels].numpy()
-        return values.reshape(settings.height, settings.width, *values.shape[1:])
-
-    def mean(sums: wp.array) -> np.ndarray:
-        values = plane(sums)
-        return values / counts.reshape(*counts.shape, *(1,) * (values.ndim - 2))
-
-    _check_finite(model, image, plane(film.invalid))
-    radiance = mean(film.radiance)
-    spread = np.maximum(mean(film.radiance_sq) - radiance**2, 0.0)
-    several = counts[..., None] > 1
-    variance = np.where(several, spread / np.where(several, counts[..., None] - 1, 1), np.inf)
-    exposure = model.scene.camera.exposure_scale
-    aovs: dict[Aov, np.ndarray] = {}
-    if Aov.DEPTH in settings.aovs:
-        depth = plane(film.depth)
-        aovs[Aov.DEPTH] = np.where(depth < FARTHEST, depth, np.inf).astype(np.float32)
-    for aov in MEAN_AOVS:
-        if aov in settings.aovs:
-            # What the kernel need not sum is 0: normals without surfaces, and motion of what rests.
-            is_summed = any(plane.name == aov for plane in model.program.planes)
-            aovs[aov] = (mean(getattr(film, aov)) if is_summed else np.zeros(radiance.shape)).astype(np.float32)
-    if Aov.MOTION in settings.aovs:
-        aovs[Aov.MOTION] = aovs[Aov.MOTION][..., :2]
-    if Aov.DIRECT in settings.aovs:
-        aovs[Aov.DIRECT] *= np.float32(exposure)
-    if Aov.INDIRECT in settings.aovs:
-        aovs[Aov.INDIRECT] = (exposure * (radiance - mean(film.direct))).astype(np.float32)
-    if Aov.SCATTERINGS in settings.aovs:
-        aovs[Aov.SCATTERINGS] = mean(film.scatterings).astype(np.float32)
-    if Aov.SAMPLES in settings.aovs:
-        aovs[Aov.SAMPLES] = counts.copy()
-    numbers, instances = _prim_numbers(model.scene)
-    if Aov.PRIM_ID in settings.aovs:
-        aovs[Aov.PRIM_ID] = numbers[plane(film.seen_item)]
-    if Aov.INSTANCE_ID in settings.aovs:
-        aovs[Aov.INSTANCE_ID] = instances[plane(film.seen_item)]
-    return RenderResult(
-        radiance=(exposure * radiance).astype(np.float32),
-        alpha=mean(film.alpha).astype(np.float32),
-        variance=(exposure**2 * variance).astype(np.float32),
-        aovs=aovs,
-        samples=round(float(counts.mean())),
-        path_count=int(counts.sum(dtype=np.int64)),
-        truncated_count=int(plane(film.truncated).sum(dtype=np.int64)),
-        seconds=float(state.seconds[image]),
-        settings=replace(settings, seed=model.variants[image].seed),
-        provenance=_provenance(model, image, round(float(counts.mean()))),
-    )
-
-
-def _prim_numbers(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Of each `Path.seen_item`, as an index: the number of its prim and that in its instancer, int32.
-
-    Surfaces count from the front, and nothing and the containers from the back.
-    """
-    prims = {name: number for number, name in enumerate(scene.prims, start=1)}
-
-    def numbers(shape: Shape) -> np.ndarray:
-        rows = np.full((count_of(shape), 2), (prims[shape.name], -1), dtype=np.int32)
-        of_instancer = shape.numbers if isinstance(shape, Instances) else shape.instance
-        if of_instancer is not None:
-            rows[:, 1] = of_instancer
-        return rows
-
-    surfaces = [numbers(shape) for shape in scene.shapes if shape.surface is not None]
-    containers = [numbers(shape) for shape in scene.shapes if shape.medium is not None]
-    table = np.concatenate([*surfaces, *reversed(containers), np.array([(0, -1)], dtype=np.int32)])
-    return table[:, 0], table[:, 1]
-
-
-@dataclass(frozen=True)
-class _Task:
-    """Some of an image's pixels, which follow each other in `_order`."""
-
-    image: int
-    first: int
-    samples: np.ndarray
-    """(pixels,) that they get."""
-
-
-def _advance_cpu(
-    model: Model, state: State, images: Sequence[int], wanted: np.ndarray, progress: Progress | None
-) -> Iterator[int]:
-    """Threads pull tasks; a launch runs on the thread that asks for it and releases the GIL."""
-    settings = model.settings
-    pixels = settings.width * settings.height
-    threads = settings.threads or os.cpu_count() or 1
-    task_pixels = min(pixels, PIXELS_PER_TASK, max(-(-pixels * len(images) // (TASKS_PER_THREAD * threads)), 1))
-    added = (wanted - state.samples).reshape(-1, pixels)
-    order = _order(added)
-    for first in range(0, pixels, task_pixels):
-        # In each task as they are in the image, where neighbours meet the same.
-        order[:, first : first + task_pixels].sort(axis=1)
-    total, done, lock = int(added.sum(dtype=np.int64)), 0, threading.Lock()
-    counts = _counts(state, wanted, order, "cpu")
-    stopped = threading.Event()
-    own = threading.local()
-
-    def run(task: _Task) -> None:
-        nonlocal done
-        if not hasattr(own, "scratch"):
-            own.scratch = wp.empty(model.program.scratch_floats, dtype=float, device="cpu")
-        for part in _rounds(task.samples, PATHS_PER_LAUNCH):
-            if stopped.is_set():
-                return
-            of_part = np.clip(task.samples - part.skipped, 0, part.samples)
-            started = time.perf_counter()
-            wp.launch(
-                model.program.render_pool,
-                dim=1,
-                inputs=[
-                    *_inputs(model, state),
-                    own.scratch,
-                    task.image,
-                    pixels,
-                    task.first,
-                    task.samples.size,
-                    counts,
-                    part,
-                ],
-                device="cpu",
-            )
-            with lock:
-                state.seconds[task.image] += (time.perf_counter() - started) / threads
-                done += int(of_part.sum(dtype=np.int64))
-                if progress is not None:
-                    progress(done, total)
-
-    with ThreadPoolExecutor(threads) as pool:
-        try:
-            running = [
-                [
-                    pool.submit(run, _Task(image, first, added[image, order[image, first : first + task_pixels]]))
-                    for first in range(0, pixels, task_pixels)
-                ]
-                for image in images
-            ]
-            for image, tasks in zip(images, running, strict=True):
-                for task in tasks:
-                    task.result()
-                yield image
-        finally:
-            # Where something went wrong, or nobody wants the rest, what is under way ends soon.
-            stopped.set()
-            pool.shutdown(cancel_futures=True)
-
-
-def _advance_cuda(
-    model: Model, state: State, images: Sequence[int], wanted: np.ndarray, progress: Progress | None
-) -> Iterator[int]:
-    """All images at once, some samples a launch."""
-    settings = model.settings
-    pixels, chosen = settings.width * settings.height, np.array(images, dtype=np.int32)
-    on_device = wp.array(chosen, dtype=int, device=settings.device)
-    all_added = (wanted - state.samples).reshape(-1, pixels)
-    added = all_added[chosen]
-    total, done = int(added.sum(dtype=np.int64)), 0
-    counts = _counts(state, wanted, _order(all_added), settings.device)
-    started = time.perf_counter()
-    for part in _rounds(added, PATHS_PER_CUDA_LAUNCH):
-        wp.launch(
-            model.program.render_threads,
-            dim=(len(images), pixels),
-            inputs=[*_inputs(model, state), on_device, pixels, counts, part],
-            device=settings.device,
-            block_dim=BLOCK_DIM,
-        )
-        wp.synchronize_device(settings.device)
-        done += int(np.clip(added - part.skipped, 0, part.samples).sum(dtype=np.int64))
-        if progress is not None:
-            progress(done, total)
-    state.seconds[chosen] += (time.perf_counter() - started) / len(images)
-    yield from images
-
-
-def _order(added: np.ndarray) -> np.ndarray:
-    """(images, pixels) the pixels of each image, those that get most samples first."""
-    return np.argsort(-added, axis=1, kind="stable").astype(np.int32)
-
-
-def _counts(state: State, wanted: np.ndarray, order: np.ndarray, device: str) -> Any:
-    counts = Counts()
-    # Copies: the samples that an image has are changed while others are still rendered.
-    counts.done = wp.array(state.samples.ravel(), dtype=int, device=device)
-    counts.wanted = wp.array(wanted.ravel(), dtype=int, device=device)
-    counts.order = wp.array(order.ravel(), dtype=int, device=device)
-    return counts
-
-
-def _rounds(added: np.ndarray, paths: int) -> Iterator[Any]:
-    """The samples that pixels get, in launches of about so many paths."""
-    skipped, most = 0, int(added.max())
-    while skipped < most:
-        part = Round()
-        part.skipped, part.samples = skipped, max(1, paths // int(np.count_nonzero(added > skipped)))
-        yield part
-        skipped += part.samples
-
-
-def _inputs(model: Model, state: State) -> list[Any]:
-    return [model.uploaded.data, model.uploaded.limits, state.film]
-
-
-def _check_finite(model: Model, image: int, invalid: np.ndarray) -> None:
-    if not invalid.any():
-        return
-    row, column = np.unravel_index(int(np.argmax(invalid)), invalid.shape)
-    variant = model.variants[image]
-    media = "; ".join(
-        f"{m.name}: H = {m.hurst:g}, S_w = {m.white_noise_scale:g}, sigma_m = {m.mean_extinction:g}, "
-        f"phase function = {m.phase_function}, g = {m.asymmetry:g}"
-        for m in variant.media
-    )
-    raise NumericalError(
-        f"{int(invalid.sum())} samples are not finite, most of them in pixel ({column}, {row}) "
-        f"with seed {variant.seed} ({media})"
-    )
-
-
-def _provenance(model: Model, image: int, samples: int) -> dict[str, Any]:
-    settings, scene, variant = model.settings, model.scene, model.variants[image]
-    return {
-        "scene": scene.source,
-        "meters_per_unit": scene.meters_per_unit,
-        "camera": scene.camera.name,
-        "exposure_scale": scene.camera.exposure_scale,
-        **({"prims": list(scene.prims)} if Aov.PRIM_ID in settings.aovs else {}),
-        "media": [
-            {
-                "name": m.name,
-                "H": m.hurst,
-                "phase_function": m.phase_function,
-                "g": m.asymmetry,
-                "back_asymmetry": m.back_asymmetry,
-                "back_weight": m.back_weight,
-                "draine_alpha": m.draine_alpha,
-                "S_w": m.white_noise_scale,
-                "sigma_m": m.mean_extinction,
-                "extinction_color": list(m.extinction_color),
-                "albedo": list(m.albedo),
-                "L": m.outer_scale,
-                "regime": m.line_law.regime,
-                "b": m.line_law.b,
-                "kappa": m.line_law.kappa,
-                "transport": m.resolved_transport,
-                "frozen_share": scene.frozen_share(index, m),
-                "line_variance": m.line_variance,
-                "priority": m.priority,
-            }
-            for index, m in enumerate(variant.media)
-        ],
-        "settings": {
-            key: value
-            for key, value in asdict(settings).items()
-            if key in ("width", "height", "max_depth", "roulette_depth", "similarity_order", "sampler")
-        }
-        | {"seed": variant.seed, "spp": samples, "device": settings.device.split(":")[0]},
-        "versions": {"fgf-warp": __version__, "warp-lang": wp.config.version, "python": platform.python_version()},
-    }

@@ -109,7 +109,7 @@ class Shading:
     """Of all primvars."""
     textures: Textures
     albedos: wp.array(dtype=float)
-    """Tables of `device.bsdf`."""
+    """Tables of `device.albedos`."""
     glass: wp.array(dtype=int)
     """Blocks of glass in `albedos`, from each index of refraction to each."""
     glass_count: int

@@ -11,7 +11,7 @@ from fgf_warp.device.geometry import MISS, Hit, Solid, Start, build_intersect_so
 from fgf_warp.device.numerics import INFINITE
 from fgf_warp.device.options import kernel_options
 from fgf_warp.integrator.kinds import LIGHT_KINDS
-from fgf_warp.upload_meshes import build_device_meshes, upload_solids
+from fgf_warp.upload import build_device_meshes, upload_solids
 
 wp.set_module_options(kernel_options(meshes=True))
 

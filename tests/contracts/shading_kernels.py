@@ -7,7 +7,7 @@ from fgf_warp.device import bsdf, textures
 from fgf_warp.device.options import kernel_options
 from fgf_warp.scene import Texture
 from fgf_warp.theory import bsdf as theory
-from fgf_warp.upload_shading import AlbedoTables, TextureRows
+from fgf_warp.upload import AlbedoTables, TextureRows
 
 wp.set_module_options(kernel_options(meshes=True))
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fgf_warp.bvh import LEAF, build_box_tree
+from fgf_warp.device.bvh import LEAF
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import MANY_SOLIDS, Instances, Mesh, Solid, Surface, encloses, shape_bounds
+from fgf_warp.upload import build_box_tree
 from tests.benchmarks.instances import MOST_MEGABYTES, costs, measure, write_stage
 from tests.contracts.device_kernels import RICH, hit_meshes
 from tests.contracts.test_bvh import directions, knot

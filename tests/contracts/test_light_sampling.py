@@ -16,7 +16,7 @@ from fgf_warp.scene import (
     Shaping,
     SphereLight,
 )
-from fgf_warp.upload_lights import LightRows, build_device_light
+from fgf_warp.upload import LightRows, build_device_light
 from tests import stats
 from tests.contracts import device_kernels
 from tests.lighting import grey_image, shaping_factor

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fgf_warp.scene import Image, Texture
-from fgf_warp.upload_shading import decoded_srgb
+from fgf_warp.upload import decoded_srgb
 from tests.contracts.shading_kernels import read_texture
 
 RNG = np.random.default_rng(11)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import warp as wp
 
-from fgf_warp import renderer
+from fgf_warp import launching
 from fgf_warp.integrator.work import Counts, Round
-from fgf_warp.renderer import begin, build_model, develop, step
+from fgf_warp.renderer import Variant, begin, build_model, develop, step
 from fgf_warp.settings import RENDERED_AOVS, Aov, RenderSettings
 from tests.grid import REGIMES
 from tests.render.test_instances import example
@@ -30,8 +30,8 @@ def cpu_seconds(work) -> float:
 def advance_by_threads(monkeypatch, model, state, wanted):
     """As on CUDA, on the CPU, where blocks have one thread."""
     model.program.render_threads.module.load(wp.get_device("cpu"), 1)
-    monkeypatch.setattr(renderer, "BLOCK_DIM", 1)
-    for image in renderer._advance_cuda(model, state, range(len(model.variants)), wanted, None):
+    monkeypatch.setattr(launching, "BLOCK_DIM", 1)
+    for image in launching.advance_cuda(model, state, range(len(model.variants)), wanted, None):
         state.samples[image] = wanted[image]
 
 
@@ -127,11 +127,11 @@ def test_how_samples_are_spread_over_steps_does_not_change_a_pixel(driver, monke
     """Some pixels get theirs early and others late, in launches of few samples; all end at 20 as with one step."""
     settings = replace(SETTINGS, width=13, height=9, spp=20, threads=2, aovs=RENDERED_AOVS)
     scene = full_scene()
-    model = build_model(scene, settings, [renderer.Variant(scene.media, seed) for seed in (3, 4)])
+    model = build_model(scene, settings, [Variant(scene.media, seed) for seed in (3, 4)])
     whole, parts = begin(model), begin(model)
     step(model, whole, 20)
-    monkeypatch.setattr(renderer, "PATHS_PER_LAUNCH", 13 * 9 * 3)
-    monkeypatch.setattr(renderer, "PATHS_PER_CUDA_LAUNCH", 13 * 9 * 3)
+    monkeypatch.setattr(launching, "PATHS_PER_LAUNCH", 13 * 9 * 3)
+    monkeypatch.setattr(launching, "PATHS_PER_CUDA_LAUNCH", 13 * 9 * 3)
     early = uneven(np.random.default_rng(1), 2, 9, 13).astype(np.int32)
     for wanted in (early, np.full_like(early, 20)):
         if driver == "pool":

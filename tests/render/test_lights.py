@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fgf_warp import upload_lights
 from fgf_warp.renderer import render
 from fgf_warp.scene import (
     WHITE,
@@ -26,6 +25,7 @@ from fgf_warp.scene import (
 )
 from fgf_warp.settings import RenderSettings
 from fgf_warp.theory import kernels
+from fgf_warp.upload import lights as upload_lights
 from tests import stats
 from tests.grid import REGIMES
 from tests.lighting import grey_image, irradiance

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgf_warp import renderer
+from fgf_warp import launching, renderer
 from fgf_warp.errors import ConfigError, NumericalError, UnsupportedFeatureError
 from fgf_warp.features import required_features
 from fgf_warp.integrator.program import build_program
@@ -41,7 +41,7 @@ def test_threads_and_steps_do_not_change_a_pixel(monkeypatch):
     scene = full_scene()
     whole = render(scene, replace(SETTINGS, threads=1))
     assert same(whole, render(scene, replace(SETTINGS, threads=3)))
-    monkeypatch.setattr(renderer, "PATHS_PER_LAUNCH", 100)
+    monkeypatch.setattr(launching, "PATHS_PER_LAUNCH", 100)
     assert same(whole, render(scene, SETTINGS))
     model = build_model(scene, SETTINGS)
     state = begin(model)

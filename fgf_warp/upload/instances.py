@@ -13,10 +13,12 @@ from fgf_warp.device import bvh, geometry
 from fgf_warp.integrator.kinds import SOLID_KINDS
 from fgf_warp.scene import Instances, Mesh, Shape, Solid, count_of, moves
 from fgf_warp.scene.placements import BLOCK, blocks, compose, invert_axes, squared
+from fgf_warp.upload.arrays import struct_rows, upload_array
 
 INSTANCE_MARGIN = 1e-6
 """Of an instance's box, relative to the coordinates on the way into its space: amply more than is rounded there."""
 UNIT_BOX = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
+"""Holds every solid in its own space."""
 
 Item = Solid | Instances
 """What hangs in the tree over instances."""
@@ -28,18 +30,18 @@ def is_open(shape: Shape) -> bool:
 
 
 def number_surfaces(shapes: Sequence[Shape]) -> dict[Any, int]:
-    """The number of the first of each shape's surfaces, of those that have one: there are as many as places."""
+    """For each shape with a surface the number of the first of its surfaces, of which there are as many as places."""
     having = [shape for shape in shapes if shape.surface is not None]
     return dict(zip(having, accumulate(map(count_of, having), initial=0), strict=False))
 
 
 def number_containers(shapes: Sequence[Shape]) -> dict[Any, int]:
-    """The bit of each shape that a medium fills."""
+    """For each shape that a medium fills its bit in a path's `inside`."""
     return {shape: bit for bit, shape in enumerate(shape for shape in shapes if shape.medium is not None)}
 
 
 def number_motions(shapes: Sequence[Shape]) -> dict[Any, np.ndarray]:
-    """Of each shape that moves, for each of its places the index of its motion, or -1 where that rests: (n,) int32."""
+    """For each shape that moves the index of the motion of each of its places, (n,) int32; -1 where one rests."""
     found, made = {}, 0
     for shape in shapes:
         if isinstance(shape, Mesh) or not moves(shape):
@@ -49,19 +51,6 @@ def number_motions(shapes: Sequence[Shape]) -> dict[Any, np.ndarray]:
         found[shape] = np.where(does_move, made + np.cumsum(does_move) - 1, -1).astype(np.int32)
         made += int(does_move.sum())
     return found
-
-
-def upload_structs(dtype: Any, device: str, **fields: Any) -> wp.array:
-    """An array of structs from the columns of their fields; from a list of structs it would take a hundred times it."""
-    rows = _rows(dtype, len(next(iter(fields.values()))))
-    for name, values in fields.items():
-        rows[name] = values
-    return upload_array(rows, dtype, device)
-
-
-def upload_array(values: np.ndarray, dtype: Any, device: str) -> wp.array:
-    """An array of the device's; on the CPU the same memory, which nobody may write to any more."""
-    return wp.array(values, dtype=dtype, device=device, copy=False)
 
 
 def upload_instances(
@@ -75,10 +64,13 @@ def upload_instances(
         owners: index of what the triangles of each of the former are.
         shapes: among which surfaces and motions are numbered.
         device: to copy them to.
+
+    Returns:
+        (n,) structs, one for each place of each item, in their order.
     """
     surfaces, motions = number_surfaces(shapes), number_motions(shapes)
     counts = [count_of(item) for item in items]
-    rows = _rows(bvh.Instance, sum(counts))
+    rows = struct_rows(bvh.Instance, sum(counts))
     rows["root"] = np.repeat([*roots, *(0 for _ in items[len(roots) :])], counts)
     solids = sum(counts[len(roots) :])
     rows["root"][len(rows) - solids :] = -1 - np.arange(solids)
@@ -92,10 +84,19 @@ def upload_instances(
 
 
 def upload_solids(solids: Sequence[Item], shapes: Sequence[Shape], device: str) -> wp.array:
-    """The device's view of some of the shapes, whose surfaces, containers and motions are numbered in their order."""
+    """The device's `Solid`s.
+
+    Args:
+        solids: some of the shapes.
+        shapes: among which surfaces, containers and motions are numbered.
+        device: to copy them to.
+
+    Returns:
+        (n,) structs, one for each place of each solid, in their order.
+    """
     containers, counts = number_containers(shapes), [count_of(solid) for solid in solids]
     kinds = [_kind_of(solid) for solid in solids]
-    rows = _rows(geometry.Solid, sum(counts))
+    rows = struct_rows(geometry.Solid, sum(counts))
     rows["kind"] = np.repeat([SOLID_KINDS[kind] for kind in kinds], counts)
     rows["surface"] = _numbers(solids, number_surfaces(shapes))
     rows["is_open"] = np.repeat([is_open(solid) for solid in solids], counts)
@@ -109,9 +110,9 @@ def upload_solids(solids: Sequence[Item], shapes: Sequence[Shape], device: str) 
 
 
 def upload_motions(shapes: Sequence[Shape], device: str) -> wp.array:
-    """The device's `Motion`s, in the order of `number_motions`."""
+    """The device's `Motion`s, (n,) structs in the order of `number_motions`."""
     numbers = number_motions(shapes)
-    rows = _rows(geometry.Motion, sum(int((of_shape >= 0).sum()) for of_shape in numbers.values()))
+    rows = struct_rows(geometry.Motion, sum(int((of_shape >= 0).sum()) for of_shape in numbers.values()))
     for shape, of_shape in numbers.items():
         for at in blocks(len(of_shape)):
             does_move = of_shape[at] >= 0
@@ -123,7 +124,14 @@ def upload_motions(shapes: Sequence[Shape], device: str) -> wp.array:
 
 
 def bound_items(items: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corners, (n, 3) float32 each, of boxes that hold what is instanced wherever it moves."""
+    """Boxes in the world that hold each place of each item wherever it moves.
+
+    Args:
+        items: instances of meshes, and then what hangs in the tree of solids.
+
+    Returns:
+        Lowest and highest corners, (n, 3) float32 each [stage unit].
+    """
     meshes = [mesh_of(item) for item in items]
     bounds_of = {arrays_of(mesh): mesh.bounds for mesh in meshes if mesh}
     bounds = np.array([bounds_of[arrays_of(mesh)] if mesh else UNIT_BOX for mesh in meshes])
@@ -146,7 +154,7 @@ def bound_items(items: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def arrays_of(mesh: Mesh) -> tuple[int, int]:
-    """What meshes that share their triangles have in common."""
+    """Identities of a mesh's arrays: equal for meshes that share their triangles."""
     return id(mesh.points), id(mesh.triangles)
 
 
@@ -161,12 +169,8 @@ def _kind_of(item: Item) -> str:
     return solid.kind
 
 
-def _rows(dtype: Any, count: int) -> Any:
-    return np.zeros(count, dtype=dtype.numpy_dtype())
-
-
 def _numbers(items: Sequence[Item], firsts: Mapping[Any, int]) -> np.ndarray:
-    """Of each place, counted on from that of the shape's first; -1 where that has none."""
+    """The number of each place of all items, (n,), counted on from the item's first; -1 where the item has none."""
     counts = np.array([count_of(item) for item in items], dtype=np.int64)
     first = np.array([firsts.get(item, -1) for item in items], dtype=np.int64)
     found = np.repeat(first - (np.cumsum(counts) - counts), counts) + np.arange(counts.sum())
@@ -174,14 +178,14 @@ def _numbers(items: Sequence[Item], firsts: Mapping[Any, int]) -> np.ndarray:
 
 
 def _motions(items: Sequence[Item], motions: Mapping[Any, np.ndarray]) -> np.ndarray | int:
-    """Of each place, the index of its motion or -1."""
+    """The index of the motion of each place of all items, (n,); -1 where it rests, a bare -1 where all do."""
     if not motions:
         return -1
     return np.concatenate([np.zeros(0, np.int32), *(motions.get(i, np.full(count_of(i), -1)) for i in items)])
 
 
 def _places(item: Item, at: slice, *, is_closing: bool = False) -> np.ndarray:
-    """(m, 3, 4), some of the places of a mesh or a solid, when the shutter opens or when it closes."""
+    """Object-to-world matrices, (m, 3, 4), of some places of an item, when the shutter opens or when it closes."""
     places = item.object_to_world if item.closing is None or not is_closing else item.closing
     if isinstance(item, Solid):
         return places[None, :3]
@@ -189,7 +193,11 @@ def _places(item: Item, at: slice, *, is_closing: bool = False) -> np.ndarray:
 
 
 def _blocks(items: Sequence[Item], *, is_closing: bool = False) -> Iterator[tuple[slice, np.ndarray]]:
-    """All places, few at once but those of many shapes together, each time with which of all they are."""
+    """All places, a block at a time, so that few are in memory at once.
+
+    Yields:
+        Which of all places they are, and their object-to-world matrices, (m, 3, 4) with m <= `BLOCK`.
+    """
     first, held = 0, 0
     parts: list[np.ndarray] = []
     for item in items:

@@ -24,16 +24,16 @@ from fgf_warp.scene import (
     Shape,
     SphereLight,
 )
-from fgf_warp.upload_shading import ImageRows, decoded_srgb
+from fgf_warp.upload.textures import ImageRows, decoded_srgb
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Of linear Rec.709."""
 EVEN = Image("even", np.full((1, 1, 4), 255, dtype=np.uint8))
-"""Of a dome without an image, where it must be connected to."""
+"""Image of a dome that has none and must be connected to."""
 
 
 class LightRows:
-    """What lights look up, on its way to the device."""
+    """What lights look up: images, cumulative shares, and corners of triangles."""
 
     def __init__(self) -> None:
         self.images = ImageRows()
@@ -42,13 +42,13 @@ class LightRows:
         self._place_count = self._corner_count = 0
 
     def add_places(self, shares: np.ndarray) -> int:
-        """Index of the first of these cumulative shares."""
+        """Adds cumulative shares, (n,) in [0, 1]; returns the index of the first."""
         self._places.append(shares)
         self._place_count += len(shares)
         return self._place_count - len(shares)
 
     def add_corners(self, corners: np.ndarray) -> int:
-        """Index of the first of these corners, (n, 3)."""
+        """Adds corners, (n, 3) [stage unit]; returns the index of the first."""
         self._corners.append(corners)
         self._corner_count += len(corners)
         return self._corner_count - len(corners)
@@ -63,12 +63,15 @@ class LightRows:
 
 
 def build_device_lights(scene: Scene, containers: Sequence[Shape], device: str) -> tuple[wp.array, Any]:
-    """The device's view of all lights that paths connect to, and what they look up.
+    """The device's view of all lights that paths connect to.
 
     Args:
         scene: whose lights they are.
         containers: the shapes filled with media, in the order of their bits.
         device: where to put them.
+
+    Returns:
+        The `Light`s, (n,), in the order of `connected_lights`; and the `LightTables` that they look up.
     """
     rows = LightRows()
     sources = connected_lights(scene)
@@ -89,10 +92,19 @@ def connected_lights(scene: Scene) -> list[Light]:
     return [light for light in scene.lights if not (isinstance(light, DomeLight) and light.is_plain)]
 
 
+def even_environment(scene: Scene) -> np.ndarray:
+    """(3,) radiance of all domes that are the same in all directions, which no path connects to."""
+    domes = [light.radiance for light in scene.lights if isinstance(light, DomeLight) and light.is_plain]
+    return np.sum(domes, axis=0) if domes else np.zeros(3)
+
+
 def choose_chances(sources: Sequence[Light], scene: Scene) -> np.ndarray:
-    """With which probability each light is connected to: half of it even, half in proportion to its power.
+    """The probability with which each light is connected to: half of it even, half in proportion to its power.
 
     The even half bounds what an estimate of power can cost where a weak light is near.
+
+    Returns:
+        (n,) float64, whose sum is 1.
     """
     powers = np.array([estimate_power(light, scene) for light in sources])
     even = np.full(len(sources), 1 / max(len(sources), 1))
@@ -100,7 +112,7 @@ def choose_chances(sources: Sequence[Light], scene: Scene) -> np.ndarray:
 
 
 def estimate_power(light: Light, scene: Scene) -> float:
-    """Luminous power that a light sends out, or into the sphere around the scene, up to a unit and its shaping."""
+    """Luminous power that a light sends out, or into the sphere around the scene, in any unit and without shaping."""
     luminance = float(np.dot(light.radiance, LUMINANCE))
     cross_section = math.pi * scene.radius**2
     if isinstance(light, DistantLight):
@@ -124,6 +136,9 @@ def build_device_light(light: Light, rows: LightRows) -> Any:
     Args:
         light: to describe.
         rows: to add to what it looks up.
+
+    Returns:
+        `device.lights.Light`.
     """
     result = lights.Light()
     result.last_chance = 1.0
@@ -156,6 +171,7 @@ def build_device_light(light: Light, rows: LightRows) -> Any:
 
 
 def _add_source(result: Any, light: LightSource) -> None:
+    """Adds what all kinds of lights may have: links and shaping."""
     result.link = 0 if light.link is None else 1 << light.link
     result.casters = 0 if light.shadow_link is None else 1 << light.shadow_link
     result.casting_containers = 0xFFFFFFFF
@@ -169,6 +185,7 @@ def _add_source(result: Any, light: LightSource) -> None:
 
 
 def _add_round(result: Any, light: SphereLight | CylinderLight) -> None:
+    """Adds the shape of a sphere or a tube."""
     result.radius = light.radius
     result.kind = lights.SPHERE_LIGHT
     if isinstance(light, CylinderLight):
@@ -178,6 +195,7 @@ def _add_round(result: Any, light: SphereLight | CylinderLight) -> None:
 
 
 def _add_flat(result: Any, light: AreaLight, rows: LightRows) -> None:
+    """Adds the shape of a rect or disk, and its image."""
     halves = np.array([light.half_u, light.half_v])
     normal = np.cross(*halves)
     if light.image is not None:
@@ -193,7 +211,7 @@ def _add_flat(result: Any, light: AreaLight, rows: LightRows) -> None:
 
 
 def _add_image(result: Any, image: Image, weights: np.ndarray, even: np.ndarray, rows: LightRows) -> None:
-    """The image, and where it is sampled: by `weights`, (height, width), or where all are 0 by `even`."""
+    """Adds an image, whose texels are sampled by `weights`, (height, width), or where all are 0 by `even`."""
     weights = weights if weights.any() else np.broadcast_to(even, weights.shape)
     result.image = rows.images.add(image)
     result.rows, result.columns = weights.shape
@@ -202,7 +220,11 @@ def _add_image(result: Any, image: Image, weights: np.ndarray, even: np.ndarray,
 
 
 def cumulate(weights: np.ndarray) -> np.ndarray:
-    """Cumulative shares along the last axis, with one number more: from 0 to 1, or all 0 where there is no weight."""
+    """Cumulative shares of weights >= 0 along their last axis.
+
+    Returns:
+        (..., n + 1) float64 for weights (..., n): from 0 to 1, or all 0 where there is no weight.
+    """
     sums = np.cumsum(weights, axis=-1, dtype=np.float64)
     total = sums[..., -1:]
     shares = sums / np.where(total > 0, total, 1.0)
@@ -216,13 +238,16 @@ def row_solid_angles(count: int) -> np.ndarray:
 
 
 def filtered_luminance(image: Image, *, is_round: bool) -> np.ndarray:
-    """(height, width) float64, mean over each texel of the bilinear interpolant between the texels' centers.
+    """Mean luminance over each texel of the bilinear interpolant between the texels' centers.
 
     So nothing of a texel is left out where its neighbours glow into it.
 
     Args:
-        image: whose luminance is meant.
+        image: whose luminance it is.
         is_round: True where columns begin anew at the side, as of a dome; else the last one goes on.
+
+    Returns:
+        (height, width) float64, linear.
     """
     luminance = linear_colors(image) @ LUMINANCE
     for axis, is_round_here in ((1, is_round), (0, False)):
@@ -235,7 +260,7 @@ def filtered_luminance(image: Image, *, is_round: bool) -> np.ndarray:
 
 
 def linear_colors(image: Image) -> np.ndarray:
-    """(height, width, 3) float64."""
+    """(height, width, 3) float64, linear; of integers in [0, 1]."""
     colors = image.pixels[..., :3]
     if image.is_srgb:
         return decoded_srgb()[colors]

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from fgf_warp.bvh_kernel import WIDTH, open_nodes
-from fgf_warp.bvh_splitting import split_boxes
+from fgf_warp.device.bvh import LEAF, WIDTH
 from fgf_warp.headers import load_on_cpu
+from fgf_warp.upload.bvh_kernel import open_nodes
+from fgf_warp.upload.bvh_splitting import split_boxes
 
-LEAF = 8
-"""Triangles of a leaf, at most."""
 MARGIN = 1e-7
 """Of a box, relative to the largest coordinate: a flat box is met even where it is just behind a ray's origin, and
 slack relative to the distance makes it no thicker."""
@@ -27,7 +26,7 @@ class BoxTree:
     """A tree over boxes, on the host.
 
     Args:
-        boxes: (nodes, 6, 16) float32, x, y, z of the lower and upper sides of sixteen boxes; an empty child's box is
+        boxes: (nodes, 6, 16) float32, lower x, upper x, lower y and so on of sixteen boxes; an empty child's box is
             inside out.
         children: (nodes, 16) int32, another node, or -1 - the index of a leaf; node 0 is the root.
         leaves: (leaves, 2) int32, the first place in `order`, and how many.
@@ -60,7 +59,7 @@ class WideTree:
 
     @property
     def node_count(self) -> int:
-        """Of all trees."""
+        """Nodes of all trees."""
         return len(self.children) // 2
 
 
@@ -100,7 +99,7 @@ def join_trees(trees: Sequence[WideTree], top: BoxTree | None) -> tuple[WideTree
         top: over boxes, one in each leaf; comes last, and its leaves are the numbers of its boxes.
 
     Returns:
-        All of them; and for each its root, -1 where it has no nodes.
+        All of them in one, and the root of each, -1 where it has no nodes; that of `top` comes last.
     """
     roots, children, nodes, leaves = [], [], 0, 0
     for tree in trees:
@@ -124,12 +123,19 @@ def join_trees(trees: Sequence[WideTree], top: BoxTree | None) -> tuple[WideTree
 
 
 def _shift(children: np.ndarray, nodes: int, leaves: int) -> np.ndarray:
-    """Children of a tree that comes after so many nodes and leaves."""
+    """The children of a tree that comes after so many nodes and leaves, (2 nodes, 8) int32."""
     return np.where(children < 0, children - np.int32(leaves), children + np.int32(nodes))
 
 
 def bound_triangles(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corner, (m, 3) each, of the box of each triangle, (m, 3, 3)."""
+    """The box of each triangle.
+
+    Args:
+        corners: (m, 3, 3) float32.
+
+    Returns:
+        Lowest and highest corners, (m, 3) float32 each.
+    """
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
@@ -168,13 +174,20 @@ def build_box_tree(low: np.ndarray, high: np.ndarray, leaf: int) -> BoxTree:
 
 
 def _widen(boxes: np.ndarray, margin: np.float32) -> np.ndarray:
-    """Boxes, (n, 6, 16), with all sides moved outwards, by more than a margin and the rounding of that."""
+    """Boxes, (n, 6, 16), with all sides moved outwards by a margin and a unit in the last place."""
     lower, upper = boxes[:, 0::2] - margin, boxes[:, 1::2] + margin
     return np.stack([np.nextafter(lower, -np.inf), np.nextafter(upper, np.inf)], axis=2).reshape(boxes.shape)
 
 
 def _fill_leaves(tree: BoxTree, corners: np.ndarray, owner: np.ndarray, face: np.ndarray) -> dict[str, np.ndarray]:
-    """The leaves' rows."""
+    """The rows of a tree's leaves, by the names of `WideTree`.
+
+    Args:
+        tree: over the triangles' boxes.
+        corners: of all triangles, (m, 3, 3) float32.
+        owner: index of each triangle's mesh, (m,) int32.
+        face: number of each triangle in its mesh, (m,) int32.
+    """
     lane = np.arange(LEAF)
     first = tree.leaves[:, :1]
     is_filled = lane < tree.leaves[:, 1:]

@@ -7,21 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from fgf_warp.bvh import build_box_tree, build_wide_tree, join_trees
 from fgf_warp.device import bvh
 from fgf_warp.scene import Light, Mesh, MeshLight, Shape, solids_in_tree
-from fgf_warp.upload_instances import (
+from fgf_warp.upload.arrays import upload_array, upload_structs
+from fgf_warp.upload.bvh import build_box_tree, build_wide_tree, join_trees
+from fgf_warp.upload.instances import (
     arrays_of,
     bound_items,
     is_open,
     mesh_of,
     number_containers,
     number_surfaces,
-    upload_array,
     upload_instances,
     upload_motions,
     upload_solids,
-    upload_structs,
 )
 
 
@@ -32,6 +31,9 @@ def build_device_meshes(shapes: Sequence[Shape], lights: Sequence[Light], device
         shapes: whose meshes there are; surfaces, bits of `inside`, motions and instances are numbered in their order.
         lights: among which those of triangles are, numbered in their order.
         device: to copy it to.
+
+    Returns:
+        `device.bvh.Bvh`.
     """
     meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
     instances = [(shape, mesh) for shape in shapes if (mesh := mesh_of(shape))]
@@ -73,5 +75,5 @@ def build_device_meshes(shapes: Sequence[Shape], lights: Sequence[Light], device
 
 
 def _corners(mesh: Mesh) -> np.ndarray:
-    """(m, 3, 3) float32."""
+    """The corners of each triangle, (m, 3, 3) float32 [stage unit]."""
     return np.asarray(mesh.points, dtype=np.float32)[mesh.triangles]

@@ -1,4 +1,4 @@
-"""Surfaces from a scene to the device: materials, textures, primvars, and tables of albedos."""
+"""Surfaces from a scene to the device: materials, and the primvars that they read."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from fgf_warp.device import shading, textures
+from fgf_warp.device import shading
 from fgf_warp.scene import (
-    WRAPS,
     ColorInput,
     FloatInput,
-    Image,
     Instances,
     Mesh,
     PrimvarInput,
     Shape,
     Solid,
     Surface,
-    Texture,
     TextureInput,
     count_of,
 )
-from fgf_warp.theory import bsdf as theory
-from fgf_warp.upload_instances import is_open, mesh_of, number_surfaces, upload_structs
+from fgf_warp.upload.albedos import AlbedoTables
+from fgf_warp.upload.arrays import upload_structs
+from fgf_warp.upload.instances import is_open, mesh_of, number_surfaces
+from fgf_warp.upload.media import indices_of_refraction
+from fgf_warp.upload.textures import TextureRows
 
 CHANNELS = {"rgb": -1, "r": 0, "g": 1, "b": 2, "a": 3}
 INPUTS = (
@@ -41,7 +41,10 @@ INPUTS = (
     "normal",
 )
 """Of a material, in the order in which the device has them."""
-NO_VIEW = (-1, 0, 0, -1)
+
+View = tuple[int, int, int, int]
+"""The fields of `device.shading.View`."""
+NO_VIEW: View = (-1, 0, 0, -1)
 
 
 def build_device_shading(shapes: Sequence[Shape], containers: Sequence[Shape], device: str) -> Any:
@@ -51,6 +54,9 @@ def build_device_shading(shapes: Sequence[Shape], containers: Sequence[Shape], d
         shapes: whose surfaces there are; looks and instances are numbered in their order.
         containers: the shapes filled with media, in the order of their bits.
         device: where to put them.
+
+    Returns:
+        `device.shading.Shading`.
     """
     shaded = [shape for shape in shapes if shape.surface is not None]
     rows = ShadingRows()
@@ -80,168 +86,33 @@ def build_device_shading(shapes: Sequence[Shape], containers: Sequence[Shape], d
     return result
 
 
-def indices_of_refraction(containers: Sequence[Shape]) -> list[float]:
-    """Of empty space, and then the different ones of media that light is refracted into."""
-    found = dict.fromkeys([1.0])
-    found |= dict.fromkeys(s.surface.ior for s in containers if is_open(s) and s.surface is not None)
-    return list(found)
-
-
-class AlbedoTables:
-    """Tables of directional albedo on their way to the device, block after block; of the same there is one."""
-
-    def __init__(self) -> None:
-        whole, tip = theory.ggx_albedo()
-        self._blocks = [whole.values, tip.values, whole.averages, tip.averages]
-        self._count = sum(block.size for block in self._blocks)
-        self._found: dict[tuple[str, float], int] = {}
-
-    def add_dielectric(self, ior: float) -> int:
-        """Where the block of an opaque dielectric begins."""
-
-        def blocks() -> list[np.ndarray]:
-            (whole, tip), own = theory.ggx_albedo(), theory.dielectric_albedo(ior)
-            products = [own.products(other) for other in (own, whole, tip)]
-            return [own.values, own.averages, *products, np.array([theory.average_fresnel(ior)])]
-
-        return self._add(("dielectric", ior), blocks)
-
-    def add_glass(self, eta: float) -> int:
-        """Where the block of glass begins; -1 where nothing is refracted."""
-        if eta == 1:
-            return -1
-        albedo = theory.glass_albedo(eta)
-        return self._add(("glass", eta), lambda: [albedo.values, albedo.averages])
-
-    def _add(self, key: tuple[str, float], blocks: Any) -> int:
-        if key not in self._found:
-            made = blocks()
-            self._found[key] = self._count
-            self._blocks += made
-            self._count += sum(block.size for block in made)
-        return self._found[key]
-
-    def upload(self, device: str) -> wp.array:
-        """All numbers, one after the other."""
-        values = np.concatenate([np.ravel(block) for block in self._blocks])
-        return wp.array(values.astype(np.float32), dtype=float, device=device)
-
-
-class ImageRows:
-    """Images on their way to the device; of the same image there is one."""
-
-    def __init__(self) -> None:
-        self._images: dict[int, tuple[int, Image]] = {}
-
-    def add(self, image: Image) -> int:
-        """Index of the image."""
-        return self._images.setdefault(id(image), (len(self._images), image))[0]
-
-    def upload(self, device: str) -> Any:
-        """The device's `Images`."""
-        images = [image for _, image in self._images.values()]
-        firsts, counts = [], {True: 0, False: 0}
-        for image in images:
-            is_float = image.pixels.dtype == np.float32
-            firsts.append(counts[is_float])
-            counts[is_float] += image.pixels.size // 4
-        result = textures.Images()
-        result.images = upload_structs(
-            textures.Image,
-            device,
-            first=firsts,
-            width=[image.pixels.shape[1] for image in images],
-            height=[image.pixels.shape[0] for image in images],
-            kind=[_texel_kind(image) for image in images],
-        )
-        result.texels = wp.array(_texels(images, np.uint8).view("<u4").ravel(), dtype=wp.uint32, device=device)
-        result.float_texels = wp.array(_texels(images, np.float32), dtype=wp.vec4, device=device)
-        result.decoded = wp.array(decoded_srgb().astype(np.float32), dtype=float, device=device)
-        return result
-
-
-def decoded_srgb() -> np.ndarray:
-    """(256,) linear values of the bytes of sRGB (IEC 61966-2-1)."""
-    encoded = np.arange(256) / 255
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-
-
-def _texels(images: Sequence[Image], dtype: Any) -> np.ndarray:
-    found = [image.pixels.reshape(-1, 4) for image in images if image.pixels.dtype == dtype]
-    return np.ascontiguousarray(np.concatenate([np.zeros((0, 4), dtype), *found]))
-
-
-def _texel_kind(image: Image) -> int:
-    if image.pixels.dtype == np.float32:
-        return int(textures.FLOATS)
-    return int(textures.SRGB_BYTES if image.is_srgb else textures.BYTES)
-
-
-class TextureRows:
-    """Textures on their way to the device; of the same texture there is one."""
-
-    def __init__(self) -> None:
-        self.images = ImageRows()
-        self._found: dict[int, int] = {}
-        self._rows: list[Any] = []
-        self._tiles: list[int] = []
-        self._kept: list[Texture] = []
-
-    def add(self, texture: Texture) -> int:
-        """Index of the texture."""
-        if id(texture) not in self._found:
-            self._found[id(texture)] = len(self._rows)
-            self._kept.append(texture)
-            row = textures.Texture()
-            row.first_tile = len(self._tiles)
-            row.wrap_s, row.wrap_t = WRAPS.index(texture.wrap_s), WRAPS.index(texture.wrap_t)
-            row.fallback = wp.vec4(*texture.fallback)
-            if texture.is_udim:
-                row.tile_rows = max((v for _, v in texture.tiles), default=0) + 1
-                places = [(u, v) for v in range(row.tile_rows) for u in range(int(textures.UDIM_COLUMNS))]
-            else:
-                places = [(0, 0)]
-            self._tiles += [self.images.add(texture.tiles[at]) if at in texture.tiles else -1 for at in places]
-            self._rows.append(row)
-        return self._found[id(texture)]
-
-    def upload(self, device: str) -> Any:
-        """The device's `Textures`."""
-        result = textures.Textures()
-        result.textures = wp.array(self._rows, dtype=textures.Texture, device=device)
-        result.tiles = wp.array(np.array(self._tiles, dtype=np.int32), dtype=int, device=device)
-        result.images = self.images.upload(device)
-        return result
-
-
 def _names_read(surface: Surface) -> list[str]:
-    """Of the primvars that it reads; a texture that is read at one place has an empty one, which no shape has."""
+    """Names of the primvars that it reads; a texture that is read at one place has an empty one, which no shape has."""
     return sorted({value.primvar for value in surface.inputs})
 
 
-_View = tuple[int, int, int, int]
-"""The fields of `shading.View`."""
-
-
 class ShadingRows:
-    """Materials and what they read, on their way to the device; of the same surface or array there is one."""
+    """Materials and what they read; each surface and each array of values is there once."""
 
     def __init__(self) -> None:
         self.textures = TextureRows()
         self._surfaces: dict[int, tuple[int, Surface]] = {}
         self._inputs: list[Any] = []
-        self._views: list[_View] = [NO_VIEW]
+        self._views: list[View] = [NO_VIEW]
         self._values: list[np.ndarray] = []
         self._count = 0
-        self._view_of: dict[tuple, tuple[_View, Any]] = {}
+        self._view_of: dict[tuple, tuple[View, Any]] = {}
         self._views_of: dict[tuple, tuple[int, int, Any]] = {}
 
     def add_look(self, shape: Shape, item: int) -> tuple[int, int, int]:
-        """Its material, the first of its views, and the view of its normals or -1.
+        """Adds the material of a shape and the primvars that it reads.
 
         Args:
             shape: that has a surface.
-            item: what a hit of it, or of the first of its instances, tells.
+            item: number of its surface, of instances that of the first, as a hit tells it.
+
+        Returns:
+            Its material, the first of its views, and the view of its normals or -1.
         """
         assert shape.surface is not None
         material = self._add_surface(shape.surface)
@@ -266,7 +137,8 @@ class ShadingRows:
 
     def _views_of_shape(
         self, surface: Surface, carrier: Solid | Mesh, own: Mapping[str, np.ndarray], item: int
-    ) -> list[_View]:
+    ) -> list[View]:
+        """A view for each primvar that the surface reads, and for the tangents of its normal map."""
         found = [
             (*self._view(("instances", id(own[name])), own[name])[:3], item)
             if name in own
@@ -277,11 +149,11 @@ class ShadingRows:
             found.append(self._view_of_tangents(surface.normal, carrier))
         return found
 
-    def _view_of_primvar(self, primvars: Mapping[str, np.ndarray], name: str) -> _View:
+    def _view_of_primvar(self, primvars: Mapping[str, np.ndarray], name: str) -> View:
         values = primvars.get(name)
         return NO_VIEW if values is None else self._view(("primvar", id(values)), values)
 
-    def _view_of_tangents(self, normal: TextureInput, carrier: Solid | Mesh) -> _View:
+    def _view_of_tangents(self, normal: TextureInput, carrier: Solid | Mesh) -> View:
         st = carrier.primvars.get(normal.primvar)
         if not isinstance(carrier, Mesh) or st is None or st.shape[1] != 3 or st.shape[2] < 2:
             return NO_VIEW
@@ -290,8 +162,14 @@ class ShadingRows:
             return self._view_of[key][0]
         return self._view(key, tangents(carrier, st, normal.transform), (carrier, st))
 
-    def _view(self, key: tuple, values: np.ndarray, keeps: Any = None) -> _View:
-        """Where values of the shape (k,), (1, 1, k), (m, 1, k) or (m, 3, k) are, or (n, k) of instances."""
+    def _view(self, key: tuple, values: np.ndarray, keeps: Any = None) -> View:
+        """Where values are.
+
+        Args:
+            key: equal for equal values.
+            values: (k,), (1, 1, k), (m, 1, k) or (m, 3, k), of instances (n, k).
+            keeps: what the key has the identities of, if not of `values`.
+        """
         if key not in self._view_of:
             per_face = values.shape[1] if values.ndim == 3 and values.shape[:2] != (1, 1) else 0
             view = (self._count, values.shape[-1], per_face, -1)
@@ -336,7 +214,7 @@ class ShadingRows:
         return result
 
     def upload_materials(self, tables: AlbedoTables, device: str) -> wp.array:
-        """The device's materials, whose tables are added."""
+        """The device's `Material`s, (n,); what they look up is added to `tables`."""
         surfaces = [surface for _, surface in self._surfaces.values()]
         return upload_structs(
             shading.Material,
@@ -353,12 +231,15 @@ class ShadingRows:
 
 
 def tangents(mesh: Mesh, st: np.ndarray, transform: tuple) -> np.ndarray:
-    """Per triangle, (m, 1, 6) float32, the derivatives of position by texture coordinates; 0 where they do not vary.
+    """Directions in which the texture coordinates of each triangle grow, for normal maps.
 
     Args:
         mesh: whose positions they are.
         st: (m, 3, k >= 2), at the corners.
         transform: of the texture coordinates, two rows of three.
+
+    Returns:
+        (m, 1, 6) float32: the unit derivatives of position by s and by t; 0 where the coordinates do not vary.
     """
     corners = np.asarray(mesh.points, dtype=np.float64)[mesh.triangles]
     turned = st[..., :2].astype(np.float64) @ np.array(transform)[:, :2].T
@@ -376,11 +257,12 @@ def tangents(mesh: Mesh, st: np.ndarray, transform: tuple) -> np.ndarray:
 
 
 def _sides(st: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of each triangle, (2, m): from its first corner to its second, and to its third."""
+    """Two sides of each triangle in texture coordinates, (2, m) each: from its first corner to the second and third."""
     return (st[:, 1] - st[:, 0]).T, (st[:, 2] - st[:, 0]).T
 
 
 def _identities(carrier: Solid | Mesh) -> tuple[int, ...]:
+    """The same of shapes that have the same arrays."""
     values = (id(array) for _, array in sorted(carrier.primvars.items()))
     if isinstance(carrier, Mesh):
         return (id(carrier.points), id(carrier.triangles), *values)

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from fgf_warp.bvh_kernel import WIDTH, choose_cuts, split_ranges
+from fgf_warp.device.bvh import WIDTH
+from fgf_warp.upload.bvh_kernel import choose_cuts, split_ranges
 
 PARTS, PART_MIN = 16, 1 << 14
-"""A range of more boxes than one of so many parts of all, and of more than so many, is split into what two tasks do."""
+"""A range of more boxes than one of `PARTS` parts of all, and than `PART_MIN`, is split once, and its halves are two
+tasks."""
 
 
 def split_boxes(lo: wp.array, hi: wp.array, leaf: int, order: wp.array) -> tuple[wp.array, wp.array]:
