@@ -11,7 +11,7 @@ import warp as wp
 
 from fgf_warp import __version__
 from fgf_warp.errors import NumericalError
-from fgf_warp.integrator.tally import PLANES
+from fgf_warp.integrator.planes import PLANES
 from fgf_warp.model import Model, State
 from fgf_warp.result import RenderResult
 from fgf_warp.scene import Instances, Scene, Shape, count_of
@@ -19,17 +19,8 @@ from fgf_warp.settings import Aov, RenderSettings
 
 FARTHEST = 1e38
 """Depths beyond it stand for nothing met."""
-MEAN_AOVS = (
-    Aov.TRANSMITTANCE,
-    Aov.ALBEDO,
-    Aov.COLLISIONS,
-    Aov.PATH_LENGTH,
-    Aov.NORMAL,
-    Aov.MOTION,
-    Aov.OPTICAL_DEPTH,
-    Aov.DIRECT,
-)
-"""Planes of vectors that are means over the samples; the film has their sums under the same names."""
+SUMS = {"sum", "sum of vectors"}
+"""Rules of planes that are means over the samples."""
 
 
 def begin(model: Model) -> State:
@@ -87,19 +78,17 @@ def develop(model: Model, state: State, image: int = 0) -> RenderResult:
     if Aov.DEPTH in settings.aovs:
         depth = plane(film.depth)
         aovs[Aov.DEPTH] = np.where(depth < FARTHEST, depth, np.inf).astype(np.float32)
-    for aov in MEAN_AOVS:
-        if aov in settings.aovs:
+    for row in PLANES:
+        if row.name in settings.aovs and row.rule in SUMS:
             # What the kernel need not sum is 0: normals without surfaces, and motion of what rests.
-            is_summed = any(plane.name == aov for plane in model.program.planes)
-            aovs[aov] = (mean(getattr(film, aov)) if is_summed else np.zeros(radiance.shape)).astype(np.float32)
+            means = mean(getattr(film, row.name)) if row in model.program.planes else np.zeros_like(radiance)
+            aovs[Aov(row.name)] = means.astype(np.float32)
     if Aov.MOTION in settings.aovs:
         aovs[Aov.MOTION] = aovs[Aov.MOTION][..., :2]
     if Aov.DIRECT in settings.aovs:
         aovs[Aov.DIRECT] *= np.float32(exposure)
     if Aov.INDIRECT in settings.aovs:
         aovs[Aov.INDIRECT] = (exposure * (radiance - mean(film.direct))).astype(np.float32)
-    if Aov.SCATTERINGS in settings.aovs:
-        aovs[Aov.SCATTERINGS] = mean(film.scatterings).astype(np.float32)
     if Aov.SAMPLES in settings.aovs:
         aovs[Aov.SAMPLES] = counts.copy()
     numbers, instances = _prim_numbers(model.scene)

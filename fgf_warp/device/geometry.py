@@ -255,7 +255,7 @@ def surface_distance(span: wp.vec2, passed: float) -> float:
 
 
 @wp.func(inline=True)
-def meet_solid_boundary(solid: Solid, span: wp.vec2, start: Start, nearest: Hit) -> Hit:
+def intersect_solid_boundary(solid: Solid, span: wp.vec2, start: Start, nearest: Hit) -> Hit:
     """`nearest`, or the boundary before it."""
     hit = nearest
     t = boundary_distance(span, start.t_min, is_inside(start.inside, solid.container))
@@ -267,26 +267,26 @@ def meet_solid_boundary(solid: Solid, span: wp.vec2, start: Start, nearest: Hit)
 
 
 @wp.func(inline=True)
-def meet_solid_surface(
+def intersect_solid_surface(
     solid: Solid, span: wp.vec2, origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
 ) -> Hit:
     """`nearest`, or the surface before it."""
-    return meet_surface_at(solid, surface_distance(span, start.passed), origin, direction, nearest)
+    return take_surface_at(solid, surface_distance(span, start.passed), origin, direction, nearest)
 
 
 @wp.func(inline=True)
-def meet_open_surface(
+def intersect_open_surface(
     solid: Solid, span: wp.vec2, origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
 ) -> Hit:
     """The same among surfaces that light may enter media through, which are met as boundaries are."""
     t = surface_distance(span, start.passed)
     if solid.is_open == 1:
         t = boundary_distance(span, start.t_min, is_inside(start.inside, solid.container))
-    return meet_surface_at(solid, t, origin, direction, nearest)
+    return take_surface_at(solid, t, origin, direction, nearest)
 
 
 @wp.func(inline=True)
-def meet_surface_at(solid: Solid, t: float, origin: wp.vec3, direction: wp.vec3, nearest: Hit) -> Hit:
+def take_surface_at(solid: Solid, t: float, origin: wp.vec3, direction: wp.vec3, nearest: Hit) -> Hit:
     """`nearest`, or the surface at distance t."""
     hit = nearest
     is_nearer = t < nearest.t
@@ -308,16 +308,16 @@ def solid_span(solid: Solid, kind: int, origin: wp.vec3, direction: wp.vec3) -> 
     return solid_interval(kind, o, d)
 
 
-def build_meet_solid(features: Any) -> Any:
+def build_intersect_solid(features: Any) -> Any:
     """The function that meets a ray with a solid in a scene of these features.
 
     It has the arguments (solid, motions, origin, direction, start, nearest), and gives `nearest`, or the solid where it
     is before that.
     """
-    meet_surface = meet_open_surface if features.passes else meet_solid_surface
+    intersect_surface = intersect_open_surface if features.passes else intersect_solid_surface
 
     @wp.func
-    def meet_solid(
+    def intersect_solid(
         solid: Solid, motions: wp.array(dtype=Motion), origin: wp.vec3, direction: wp.vec3, start: Start, nearest: Hit
     ) -> Hit:
         placed = solid
@@ -325,18 +325,18 @@ def build_meet_solid(features: Any) -> Any:
             placed = solid_at(solid, motions, start.time)
         span = solid_span(placed, placed.kind, origin, direction)
         if placed.surface < 0:
-            return meet_solid_boundary(placed, span, start, nearest)
+            return intersect_solid_boundary(placed, span, start, nearest)
         if wp.static(features.links):
             if not casts_shadow(placed.shadow_links, start.casters):
                 return nearest
-        return meet_surface(placed, span, origin, direction, start, nearest)
+        return intersect_surface(placed, span, origin, direction, start, nearest)
 
-    return meet_solid
+    return intersect_solid
 
 
 def build_intersect_solids(features: Any) -> Any:
     """The same for all of the solids that are tried one after the other, an array in the place of one."""
-    meet_solid = build_meet_solid(features)
+    intersect_solid = build_intersect_solid(features)
 
     @wp.func
     def intersect_solids(
@@ -349,7 +349,7 @@ def build_intersect_solids(features: Any) -> Any:
     ) -> Hit:
         hit = nearest
         for i in range(solids.shape[0]):
-            hit = meet_solid(solids[i], motions, origin, direction, start, hit)
+            hit = intersect_solid(solids[i], motions, origin, direction, start, hit)
         return hit
 
     return intersect_solids

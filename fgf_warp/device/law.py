@@ -190,7 +190,7 @@ def frozen_density(rate: float, u: float) -> float:
 
 
 @wp.func(inline=True)
-def fly_frozen(rate: float, exponent: float) -> float:
+def sample_frozen(rate: float, exponent: float) -> float:
     """Its flight u from E, at most ESCAPED."""
     return wp.min(exponent / wp.max(rate, TINY_U), ESCAPED)
 
@@ -225,7 +225,7 @@ def flight_of_ln(ln_u: float) -> float:
 
 
 @wp.func(inline=True)
-def fly_power(law: Law, exponent: float, remembers: bool) -> float:
+def sample_power(law: Law, exponent: float, remembers: bool) -> float:
     """u of the power law from E: as Tmm where the flight remembers its medium vertex, else as Tsm."""
     shortened = wp.where(remembers, exponent / (1.0 + law.kappa), exponent)
     return wp.min(shortened * expm1_ratio(law.kappa * shortened), ESCAPED)
@@ -238,7 +238,7 @@ def sample_sm(law: Law, xi: float) -> float:
     if law.kind == EXPONENTIAL:
         return wp.min(exponent / law.rate, ESCAPED)
     if law.kind == POWER:
-        return fly_power(law, exponent, False)
+        return sample_power(law, exponent, False)
     return flight_of_ln(ln_flight(law, exponent))
 
 
@@ -246,7 +246,7 @@ def sample_sm(law: Law, xi: float) -> float:
 def sample_mm(law: Law, xi: float, xi2: float, xi3: float) -> float:
     """u distributed as Tmm, 0 <= b <= 1; xi2 and xi3 matter to the fractional kind alone."""
     if law.kind == POWER:
-        return fly_power(law, -log_positive(xi), True)
+        return sample_power(law, -log_positive(xi), True)
     if law.kind == EXPONENTIAL:
         return sample_sm(law, xi)
     return flight_of_ln(wp.min(ln_flight(law, -log_positive(xi)), ln_decorrelation(law, xi2, xi3)))

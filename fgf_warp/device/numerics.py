@@ -95,7 +95,7 @@ def orthonormal_tangent(n: wp.vec3) -> wp.vec3:
 
 
 @wp.func(inline=True)
-def turn(axis: wp.vec3, one_minus_cos: float, azimuth: float) -> wp.vec3:
+def rotate_from(axis: wp.vec3, one_minus_cos: float, azimuth: float) -> wp.vec3:
     """The unit vector at an angle theta from the unit vector `axis`, from 1 - cos(theta) in [0, 2].
 
     1 - cos(theta) rather than cos(theta), so that angles below 1e-4 keep their digits; the azimuth in turns.

@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from fgf_warp.device.numerics import INV_4PI, choose, one_minus_cos_between, turn
+from fgf_warp.device.numerics import INV_4PI, choose, one_minus_cos_between, rotate_from
 
 DRAINE_STEPS = wp.constant(9)
 """Newton's steps after the first; fewer would show for alpha = 1000, and 4 are enough for alpha <= 1."""
@@ -60,7 +60,7 @@ def build_phase(kinds: frozenset[str]) -> tuple[Any, Any]:
                 one_minus_cos = sample_draine_one_minus_cos(wp.abs(asymmetry), phase.draine_alpha, place)
             else:
                 one_minus_cos = sample_hg_one_minus_cos(wp.abs(asymmetry), place)
-        return turn(axis, one_minus_cos, xi2)
+        return rotate_from(axis, one_minus_cos, xi2)
 
     return eval_phase, sample_phase
 

@@ -143,9 +143,9 @@ def shuffle_nested(reversed_bits: wp.uint32, key: wp.uint32) -> wp.uint32:
 
 
 @wp.func(inline=True)
-def draw_independent(seed: wp.uint64, pixel: int, turn: int, bounce: int, purpose: int) -> wp.vec4:
-    """Four independent numbers in (0, 1) for one address; `turn` is the sample's number with its bits reversed."""
-    bits = philox(seed, wp.uint32(pixel), wp.uint32(turn), wp.uint32(bounce), wp.uint32(purpose))
+def draw_independent(seed: wp.uint64, pixel: int, sample_index: int, bounce: int, purpose: int) -> wp.vec4:
+    """Four independent numbers in (0, 1) for one address; `sample_index` is the number with its bits reversed."""
+    bits = philox(seed, wp.uint32(pixel), wp.uint32(sample_index), wp.uint32(bounce), wp.uint32(purpose))
     return wp.vec4(to_uniform(bits[0]), to_uniform(bits[1]), to_uniform(bits[2]), to_uniform(bits[3]))
 
 
@@ -156,9 +156,9 @@ def pixel_shift(seed: wp.uint64, pixel: int) -> wp.vec4ui:
 
 
 @wp.func(inline=True)
-def draw_in_pixel(shift_x: int, shift_y: int, turn: int) -> wp.vec2:
+def draw_in_pixel(shift_x: int, shift_y: int, sample_index: int) -> wp.vec2:
     """A point of the pixel's lattice in (0, 1)^2, in its own order: all other events are shuffled against it."""
-    place = wp.uint32(turn)
+    place = wp.uint32(sample_index)
     return wp.vec2(to_uniform(place + wp.uint32(shift_x)), to_uniform(place * LATTICE_1 + wp.uint32(shift_y)))
 
 
@@ -170,16 +170,16 @@ def event_shift(seed: wp.uint64, pixel: int, bounce: int, purpose: int) -> wp.ve
 
 
 @wp.func(inline=True)
-def place_in_lattice(shift: wp.vec4ui, turn: int) -> wp.uint32:
+def place_in_lattice(shift: wp.vec4ui, sample_index: int) -> wp.uint32:
     """Which of the points of the lattice with this shift a sample takes."""
-    return shuffle_nested(wp.uint32(turn), mix_bits(shift[0] ^ (shift[2] * WEYL_0)))
+    return shuffle_nested(wp.uint32(sample_index), mix_bits(shift[0] ^ (shift[2] * WEYL_0)))
 
 
 @wp.func(inline=True)
-def draw_lattice(seed: wp.uint64, pixel: int, turn: int, bounce: int, purpose: int) -> wp.vec4:
+def draw_lattice(seed: wp.uint64, pixel: int, sample_index: int, bounce: int, purpose: int) -> wp.vec4:
     """The first four numbers of a point of the lattice of one event, in (0, 1)."""
     shift = event_shift(seed, pixel, bounce, purpose)
-    place = place_in_lattice(shift, turn)
+    place = place_in_lattice(shift, sample_index)
     return wp.vec4(
         to_uniform(place + shift[0]),
         to_uniform(place * LATTICE_1 + shift[1]),
@@ -189,16 +189,16 @@ def draw_lattice(seed: wp.uint64, pixel: int, turn: int, bounce: int, purpose: i
 
 
 @wp.func(inline=True)
-def draw_more_lattice(seed: wp.uint64, pixel: int, turn: int, bounce: int, purpose: int) -> wp.vec2:
+def draw_more_lattice(seed: wp.uint64, pixel: int, sample_index: int, bounce: int, purpose: int) -> wp.vec2:
     """The next two numbers of the same point."""
     shift = event_shift(seed, pixel, bounce, purpose)
-    place = place_in_lattice(shift, turn)
+    place = place_in_lattice(shift, sample_index)
     more = mix_words(shift)
     return wp.vec2(to_uniform(place * LATTICE_4 + more[0]), to_uniform(place * LATTICE_5 + more[1]))
 
 
 @wp.func(inline=True)
-def draw_more_independent(seed: wp.uint64, pixel: int, turn: int, bounce: int, purpose: int) -> wp.vec2:
+def draw_more_independent(seed: wp.uint64, pixel: int, sample_index: int, bounce: int, purpose: int) -> wp.vec2:
     """Two further independent numbers of one address."""
-    xi = draw_independent(seed, pixel, turn, bounce, purpose + PURPOSES)
+    xi = draw_independent(seed, pixel, sample_index, bounce, purpose + PURPOSES)
     return wp.vec2(xi[0], xi[1])

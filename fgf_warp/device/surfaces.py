@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from fgf_warp.device.numerics import PI, turn
+from fgf_warp.device.numerics import PI, rotate_from
 
 
 @wp.struct
@@ -25,4 +25,4 @@ def diffuse_pdf(normal: wp.vec3, wi: wp.vec3) -> float:
 def sample_diffuse(normal: wp.vec3, xi1: float, xi2: float) -> wp.vec3:
     """A direction distributed as the cosine around the normal; its weight is the reflectance."""
     cosine = wp.sqrt(xi1)
-    return turn(normal, (1.0 - xi1) / (1.0 + cosine), xi2)
+    return rotate_from(normal, (1.0 - xi1) / (1.0 + cosine), xi2)

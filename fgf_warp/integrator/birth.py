@@ -12,7 +12,7 @@ from fgf_warp.device.geometry import (
     Hit,
     Start,
     coordinate_reach,
-    meet_solid_boundary,
+    intersect_solid_boundary,
     solid_at,
     solid_span,
 )
@@ -141,7 +141,7 @@ def build_find_start(
                         solid = solid_at(solid, scene.motions, start.time)
                     if solid.container >= 0:
                         span = solid_span(solid, solid.kind, origin, before.direction)
-                        hit = meet_solid_boundary(solid, span, start, hit)
+                        hit = intersect_solid_boundary(solid, span, start, hit)
             if wp.static(features.meshes):
                 hit = intersect_meshes(scene.boundaries, origin, before.direction, start, hit)
             if hit.kind != BOUNDARY:

@@ -26,7 +26,8 @@ from fgf_warp.integrator.boundaries import MAX_CROSSINGS
 from fgf_warp.integrator.laws import LineLaws
 from fgf_warp.integrator.media.value import MediumFunctions
 from fgf_warp.integrator.media_lookup import FIRST_SEGMENT_AOVS
-from fgf_warp.integrator.path import FIRST_CONTAINER, PathRecord
+from fgf_warp.integrator.path import PathRecord
+from fgf_warp.integrator.planes import FIRST_CONTAINER
 from fgf_warp.integrator.work import Limits
 from fgf_warp.settings import PRIM_AOVS, SPLIT_AOVS, Aov
 

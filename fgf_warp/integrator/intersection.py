@@ -14,9 +14,9 @@ from fgf_warp.device.geometry import (
     Start,
     build_intersect_solids,
     chord,
-    meet_open_surface,
-    meet_solid_boundary,
-    meet_solid_surface,
+    intersect_open_surface,
+    intersect_solid_boundary,
+    intersect_solid_surface,
     solid_at,
     solid_span,
 )
@@ -28,9 +28,9 @@ from fgf_warp.device.lights import (
     chance,
     cone_pdf,
     emitted_radiance,
+    intersect_light,
     is_in_distant_light,
     light_pdf,
-    meet_light,
 )
 from fgf_warp.device.numerics import INFINITE, choose
 from fgf_warp.device.surfaces import Surface
@@ -131,14 +131,14 @@ def build_solid_intersection(features: RenderFeatures, record: PathRecord, surfa
     def intersect_boundary(before: Path, solid: Solid, kind: int) -> Path:
         path = before
         span = solid_span(solid, kind, before.origin, before.direction)
-        path.hit = meet_solid_boundary(solid, span, before.start, before.hit)
+        path.hit = intersect_solid_boundary(solid, span, before.start, before.hit)
         return path
 
     @wp.func(inline=True)
     def intersect_surface(before: Path, solid: Solid, kind: int, surface: Surface) -> Path:
         path = before
         span = solid_span(solid, kind, before.origin, before.direction)
-        path.hit = meet_solid_surface(solid, span, before.origin, before.direction, before.start, before.hit)
+        path.hit = intersect_solid_surface(solid, span, before.origin, before.direction, before.start, before.hit)
         is_nearer = path.hit.t < before.hit.t
         path.albedo = choose(is_nearer, surface.diffuse, before.albedo)
         path.emitted = choose(is_nearer, surface.emission, before.emitted)
@@ -154,7 +154,9 @@ def build_solid_intersection(features: RenderFeatures, record: PathRecord, surfa
             if solid.surface >= 0:
                 if wp.static(features.passes):
                     span = solid_span(solid, solid.kind, before.origin, before.direction)
-                    path.hit = meet_open_surface(solid, span, before.origin, before.direction, before.start, path.hit)
+                    path.hit = intersect_open_surface(
+                        solid, span, before.origin, before.direction, before.start, path.hit
+                    )
                 elif wp.static(features.surfaces):
                     surface = scene.surfaces[surface_at(scene, solid.surface)]
                     path = intersect_surface(path, solid, solid.kind, surface)
@@ -224,9 +226,9 @@ def build_light_intersection(features: RenderFeatures, record: PathRecord, light
         return wp.where(path.pdf_direction == CAMERA_RAY, 1.0, power_heuristic(path.pdf_direction, pdf_light))
 
     @wp.func(inline=True)
-    def intersect_light(before: Path, light: Light, kind: int, item: int) -> Path:
+    def find_light(before: Path, light: Light, kind: int, item: int) -> Path:
         path = before
-        path.hit = meet_light(light, kind, item, before.origin, before.direction, before.hit)
+        path.hit = intersect_light(light, kind, item, before.origin, before.direction, before.hit)
         is_nearer = path.hit.t < before.hit.t
         position = before.origin + before.direction * wp.where(is_nearer, path.hit.t, 0.0)
         pdf = light_pdf(light, kind, before.origin, position, before.direction) * chance(light)
@@ -268,4 +270,4 @@ def build_light_intersection(features: RenderFeatures, record: PathRecord, light
                         path.emitted += found_light(scene, path, light, path.origin)
         return path
 
-    return LightIntersection(intersect_light, look_beyond, intersect_intricate_lights)
+    return LightIntersection(find_light, look_beyond, intersect_intricate_lights)

@@ -14,25 +14,15 @@ import warp as wp
 
 from fgf_warp.device.geometry import Hit, Start
 from fgf_warp.device.law import NOT_FROZEN
-from fgf_warp.device.numerics import INFINITE
 from fgf_warp.device.phase import Phase
 from fgf_warp.features import RenderFeatures
+from fgf_warp.integrator.planes import PLANE_ROWS
 from fgf_warp.integrator.rows import LANES, Needs, Row, literal, make_function, make_struct, places
-from fgf_warp.settings import PRIM_AOVS, SPLIT_AOVS, Aov
 
-NOT_SEEN = wp.constant(-1)
-"""`seen_item` of a path that has met nothing."""
-FIRST_CONTAINER = wp.constant(-2)
-"""`seen_item` of the first container; the next ones count down."""
 CAMERA_RAY = wp.constant(-1.0)
 """Stands for the pdf of a direction that no light sampling competes with."""
 ALL_LINKS = wp.constant(wp.uint32(0xFFFFFFFF))
 """Link bits of what all lights shine on."""
-
-
-def shows(*aovs: Aov) -> Needs:
-    """Needed for any of these planes."""
-    return lambda features: not features.aovs.isdisjoint(aovs)
 
 
 def has_phase(parameter: str) -> Needs:
@@ -127,26 +117,7 @@ PATH = (
         lives=lambda f: f.connects_in_lanes),
     Row("light_share", wp.vec3, "radiance that the connection would bring through empty space; 0 where it is blocked",
         lambda f: f.connections, lives=lambda f: f.connects_in_lanes),
-    # What the planes show.
-    Row("first_depth", float, "along the view axis, of what is met first", shows(Aov.DEPTH), initial=INFINITE),
-    Row("first_transmittance", wp.vec3, "of the first segment in a medium", shows(Aov.TRANSMITTANCE), initial=1.0),
-    Row("first_optical_depth", wp.vec3, "of that segment", shows(Aov.OPTICAL_DEPTH)),
-    Row("has_crossed_medium", int, "1 after that segment",
-        lambda f: f.crossings and shows(Aov.TRANSMITTANCE, Aov.OPTICAL_DEPTH)(f)),
-    Row("first_albedo", wp.vec3, "where it scatters first", shows(Aov.ALBEDO)),
-    Row("reflectance", wp.vec3, "colour of the surface that is met", lambda f: f.shading and shows(Aov.ALBEDO)(f)),
-    Row("first_normal", wp.vec3, "shading normal of the surface that it meets first", shows(Aov.NORMAL)),
-    Row("collisions", wp.vec3, "in media so far, each weighted by the throughput before it",
-        lambda f: f.media and shows(Aov.COLLISIONS)(f)),
-    Row("path_length", wp.vec3, "in media so far, weighted alike [stage unit]",
-        lambda f: f.media and shows(Aov.PATH_LENGTH)(f)),
-    Row("direct", wp.vec3, "the part of `radiance` that came before a second scattering event", shows(*SPLIT_AOVS)),
-    Row("seen", float, "distance of the surface or of the scattering in a medium that it meets first",
-        shows(*PRIM_AOVS), initial=INFINITE),
-    Row("seen_item", int, "that surface, or FIRST_CONTAINER less the container", shows(*PRIM_AOVS), initial=NOT_SEEN),
-    Row("container", int, "whose medium it scatters in", lambda f: f.medium_kind == "many" and shows(*PRIM_AOVS)(f)),
-    Row("seen_at", wp.vec3, "where that is", shows(Aov.MOTION)),
-    Row("first_motion", wp.vec3, "how that moves in the image [pixel]", shows(Aov.MOTION)),
+    *PLANE_ROWS,
 )  # fmt: skip
 
 

@@ -15,10 +15,10 @@ from functools import cache
 from typing import Any
 
 from fgf_warp.features import RenderFeatures
+from fgf_warp.integrator.planes import Plane
 from fgf_warp.integrator.pool import build_render_pool
 from fgf_warp.integrator.scene_data import scene_struct
 from fgf_warp.integrator.stages import build_stages
-from fgf_warp.integrator.tally import Plane
 from fgf_warp.integrator.threads import build_render_threads
 
 

@@ -32,7 +32,8 @@ from fgf_warp.integrator.laws import LineLaws, build_laws
 from fgf_warp.integrator.media import build_medium
 from fgf_warp.integrator.media.value import MediumFunctions
 from fgf_warp.integrator.media_lookup import build_first_segment, build_media_lookup
-from fgf_warp.integrator.path import FIRST_CONTAINER, NOT_SEEN, PathRecord, build_path
+from fgf_warp.integrator.path import PathRecord, build_path
+from fgf_warp.integrator.planes import FIRST_CONTAINER, NOT_SEEN
 from fgf_warp.integrator.pool_layout import PoolLayout, build_pool_layout
 from fgf_warp.integrator.roulette import build_channel_weight, build_russian_roulette
 from fgf_warp.integrator.sampler import build_sampler

@@ -1,10 +1,9 @@
-"""A pixel's sums over its samples, in float64 and in the order of the samples: one table for all planes.
+"""A pixel's sums over its samples, in float64 and in the order of the samples, made from the table of planes.
 
-So an image does not depend on how its samples are cut into steps, nor on what else is rendered with it. A plane is a
-row: the film has an array of it, and a pixel's tally a field, while samples are added to the pixel.
+So an image does not depend on how its samples are cut into steps, nor on what else is rendered with it. The film has an
+array of each plane, and a pixel's tally a field, while samples are added to the pixel.
 """
 
-from collections.abc import Set
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -12,74 +11,9 @@ import warp as wp
 
 from fgf_warp.device.numerics import INFINITE, is_finite
 from fgf_warp.features import RenderFeatures
-from fgf_warp.integrator.path import NOT_SEEN, PATH, build_path
+from fgf_warp.integrator.path import PATH, build_path
+from fgf_warp.integrator.planes import PLANES, RULES, Plane
 from fgf_warp.integrator.rows import LANES, make_function, make_struct, places
-from fgf_warp.settings import PRIM_AOVS, SPLIT_AOVS, Aov
-
-
-class Plane(NamedTuple):
-    """What the film has of each pixel.
-
-    Args:
-        name: of the film's array and the tally's field.
-        dtype: of the film's array.
-        meaning: one line.
-        source: the path's field, or what is computed of it.
-        rule: how a sample is added, one of `RULES`.
-        aovs: it is needed for any of them; where there are none, always.
-        initial: of a pixel without samples.
-    """
-
-    name: str
-    dtype: Any
-    meaning: str
-    source: str
-    rule: str
-    aovs: Set[Aov] = frozenset()
-    initial: float = 0.0
-
-    def is_needed(self, aovs: Set[Aov]) -> bool:
-        """True where it is summed for these planes of the result."""
-        return not self.aovs or bool(self.aovs & aovs)
-
-    @property
-    def pixel_bytes(self) -> int:
-        """Memory that it takes in the film, per pixel."""
-        return wp.types.type_size_in_bytes(self.dtype)
-
-
-RULES = {
-    "sum of vectors": "add_where(is_valid, before.{name}, {value})",
-    "sum of squares": "before.{name} + square(add_where(is_valid, wp.vec3d(), {value}))",
-    "sum": "before.{name} + wp.float64(wp.where(is_valid, {value}, 0.0))",
-    "count": "before.{name} + wp.where(is_complete, {value}, 0)",
-    "count of invalid": "before.{name} + wp.where(is_complete and not is_valid, 1, 0)",
-    "nearest": "wp.min(before.{name}, wp.where(is_valid, {value}, INFINITE))",
-    "of the nearest": "wp.where(is_valid and path.seen < before.seen, {value}, before.{name})",
-}
-"""A tally's field after a sample; what is not finite is left out. Each names what it adds `value`."""
-
-PLANES = (
-    Plane("radiance", wp.vec3d, "sum", "path.radiance", "sum of vectors"),
-    Plane("radiance_sq", wp.vec3d, "sum of its square", "path.radiance", "sum of squares"),
-    Plane("alpha", wp.float64, "sum", "path.alpha", "sum"),
-    Plane("invalid", wp.int32, "samples that were not finite, and were left out", "", "count of invalid"),
-    Plane("truncated", wp.int32, "paths cut at the bound on their length", "path.truncated", "count"),
-    Plane("depth", wp.float32, "the nearest, not a sum", "path.first_depth", "nearest", {Aov.DEPTH}, float("inf")),
-    Plane("transmittance", wp.vec3d, "sum", "path.first_transmittance", "sum of vectors", {Aov.TRANSMITTANCE}),
-    Plane("optical_depth", wp.vec3d, "sum", "path.first_optical_depth", "sum of vectors", {Aov.OPTICAL_DEPTH}),
-    Plane("albedo", wp.vec3d, "sum", "path.first_albedo", "sum of vectors", {Aov.ALBEDO}),
-    Plane("normal", wp.vec3d, "sum", "path.first_normal", "sum of vectors", {Aov.NORMAL}),
-    Plane("collisions", wp.vec3d, "sum", "path.collisions", "sum of vectors", {Aov.COLLISIONS}),
-    Plane("path_length", wp.vec3d, "sum", "path.path_length", "sum of vectors", {Aov.PATH_LENGTH}),
-    Plane("scatterings", wp.float64, "sum", "float(path.depth)", "sum", {Aov.SCATTERINGS}),
-    Plane("direct", wp.vec3d, "sum", "path.direct", "sum of vectors", SPLIT_AOVS),
-    Plane("motion", wp.vec3d, "sum; the third number is 0", "path.first_motion", "sum of vectors", {Aov.MOTION}),
-    Plane("seen", wp.float32, "distance of the nearest thing that is seen", "path.seen", "of the nearest",
-          PRIM_AOVS, float("inf")),
-    Plane("seen_item", wp.int32, "which it is, see `Row` seen_item of a path", "path.seen_item", "of the nearest",
-          PRIM_AOVS, NOT_SEEN),
-)  # fmt: skip
 
 OF_TALLY = {wp.float32: float, wp.int32: int}
 """Types of a tally's fields where they are not those of the film."""

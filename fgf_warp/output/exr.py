@@ -40,23 +40,12 @@ from fgf_warp.result import RenderResult
 from fgf_warp.settings import Aov
 
 PARAMETERS_ATTRIBUTE = "fgf:parameters"
-AOV_CHANNELS: dict[Aov, tuple[str, ...]] = {
+GREY = {Aov.SAMPLES, Aov.PRIM_ID, Aov.INSTANCE_ID, Aov.SCATTERINGS}
+"""Planes of one channel; the others are colours but for those with channels of their own."""
+AOV_CHANNELS = {aov: tuple(f"{aov}.{channel}" for channel in ("Y" if aov in GREY else "RGB")) for aov in Aov} | {
     Aov.DEPTH: ("Z",),
-    Aov.VARIANCE: ("variance.R", "variance.G", "variance.B"),
-    Aov.TRANSMITTANCE: ("transmittance.R", "transmittance.G", "transmittance.B"),
-    Aov.ALBEDO: ("albedo.R", "albedo.G", "albedo.B"),
-    Aov.SAMPLES: ("samples.Y",),
-    Aov.COLLISIONS: ("collisions.R", "collisions.G", "collisions.B"),
-    Aov.PATH_LENGTH: ("path_length.R", "path_length.G", "path_length.B"),
     Aov.NORMAL: ("normal.X", "normal.Y", "normal.Z"),
-    Aov.PRIM_ID: ("prim_id.Y",),
-    Aov.INSTANCE_ID: ("instance_id.Y",),
     Aov.MOTION: ("motion.X", "motion.Y"),
-    Aov.OPTICAL_DEPTH: ("optical_depth.R", "optical_depth.G", "optical_depth.B"),
-    Aov.SCATTERINGS: ("scatterings.Y",),
-    Aov.DIRECT: ("direct.R", "direct.G", "direct.B"),
-    Aov.INDIRECT: ("indirect.R", "indirect.G", "indirect.B"),
-    Aov.DENOISED: ("denoised.R", "denoised.G", "denoised.B"),
 }
 
 

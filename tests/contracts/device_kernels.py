@@ -66,7 +66,7 @@ def sample_light_kernel(
 
 
 @wp.kernel
-def meet_light_kernel(
+def intersect_light_kernel(
     light: wp.array(dtype=lights.Light),
     tables: lights.LightTables,
     position: wp.vec3,
@@ -94,24 +94,24 @@ def philox_kernel(seed: wp.uint64, counter: wp.array(dtype=wp.vec4ui), out: wp.a
 @wp.kernel
 def independent_kernel(seed: wp.uint64, bounce: int, purpose: int, out: wp.array2d(dtype=wp.vec4)):
     pixel, sample = wp.tid()
-    turn = wp.int32(rng.reverse_bits(wp.uint32(sample)))
-    out[pixel, sample] = rng.draw_independent(seed, pixel, turn, bounce, purpose)
+    sample_index = wp.int32(rng.reverse_bits(wp.uint32(sample)))
+    out[pixel, sample] = rng.draw_independent(seed, pixel, sample_index, bounce, purpose)
 
 
 @wp.kernel
 def lattice_kernel(seed: wp.uint64, bounce: int, purpose: int, out: wp.array2d(dtype=wp.vec4)):
     pixel, sample = wp.tid()
-    turn = wp.int32(rng.reverse_bits(wp.uint32(sample)))
+    sample_index = wp.int32(rng.reverse_bits(wp.uint32(sample)))
     if purpose == rng.CAMERA:
         shift = rng.pixel_shift(seed, pixel)
-        xi = rng.draw_in_pixel(wp.int32(shift[0]), wp.int32(shift[1]), turn)
+        xi = rng.draw_in_pixel(wp.int32(shift[0]), wp.int32(shift[1]), sample_index)
         out[pixel, sample] = wp.vec4(xi[0], xi[1], 0.0, 0.0)
     else:
-        out[pixel, sample] = rng.draw_lattice(seed, pixel, turn, bounce, purpose)
+        out[pixel, sample] = rng.draw_lattice(seed, pixel, sample_index, bounce, purpose)
 
 
 @cache
-def meet_kernel(features, tries_solids):
+def intersect_kernel(features, tries_solids):
     intersect_meshes, intersect_solids = bvh.build_intersect_meshes(features), build_intersect_solids(features)
 
     @wp.kernel(module="unique", module_options=kernel_options(meshes=True))
@@ -169,7 +169,7 @@ def hit_meshes(shapes, origin, direction, *, lights=(), kept=PLAIN, inside=0, tr
     rays = [wp.array(np.asarray(x, dtype=np.float32), dtype=wp.vec3, device="cpu") for x in (origin, direction)]
     dtypes = (float, int, int, int, float, float, wp.vec3)
     found = [wp.zeros(len(rays[0]), dtype=dtype, device="cpu") for dtype in dtypes]
-    kernel = meet_kernel(kept, bool(tried))
+    kernel = intersect_kernel(kept, bool(tried))
     wp.launch(
         kernel,
         dim=len(rays[0]),
@@ -180,7 +180,7 @@ def hit_meshes(shapes, origin, direction, *, lights=(), kept=PLAIN, inside=0, tr
     return MeshHits(*(array.numpy() for array in found))
 
 
-def meet_meshes(meshes, origin, direction, inside: int = 0):
+def cast_on_meshes(meshes, origin, direction, inside: int = 0):
     """Distances, -1 for a miss, and normals, at which rays meet meshes."""
     hits = hit_meshes(meshes, origin, direction, inside=inside)
     return hits.t, hits.normal

@@ -7,7 +7,7 @@ from fgf_warp.device.geometry import LIGHT
 from fgf_warp.scene import Mesh, MeshLight, Surface
 from fgf_warp.scene.placements import invert_axes
 from fgf_warp.upload import build_box_tree, build_wide_tree, bvh_splitting
-from tests.contracts.device_kernels import RICH, hit_meshes, meet_meshes
+from tests.contracts.device_kernels import RICH, cast_on_meshes, hit_meshes
 from usd_scenes.examples import trefoil_tube
 
 
@@ -23,7 +23,7 @@ def directions(n, seed):
     return (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
 
 
-def meet_every_triangle(corners, origin, direction):
+def cast_on_every_triangle(corners, origin, direction):
     """Distances in float64 by Moeller and Trumbore, inf for a miss, (rays, triangles)."""
     a, b, c = (corners[None, :, i].astype(np.float64) for i in range(3))
     o, d = origin[:, None].astype(np.float64), direction[:, None].astype(np.float64)
@@ -48,9 +48,9 @@ def test_hits_are_those_of_every_triangle(copies):
     direction = directions(2000, 3)
     # Along the axes too, where slopes are exactly zero.
     direction[:60] = np.tile(np.concatenate([np.eye(3), -np.eye(3)]), (10, 1))
-    t, normal = meet_meshes(meshes, origin, direction)
+    t, normal = cast_on_meshes(meshes, origin, direction)
     corners = np.concatenate([mesh.points[mesh.triangles] for mesh in meshes])
-    expected = meet_every_triangle(corners, origin, direction)
+    expected = cast_on_every_triangle(corners, origin, direction)
     nearest = expected.min(axis=1)
     assert np.isfinite(nearest).sum() > 200
     assert np.array_equal(t >= 0, np.isfinite(nearest))
@@ -69,8 +69,8 @@ def test_hits_among_triangles_that_overlap():
     soup = Mesh("/soup", points, np.arange(12_000).reshape(-1, 3), Surface())
     origin = rng.uniform(-3, 3, size=(200, 3)).astype(np.float32)
     direction = directions(200, 5)
-    t, _ = meet_meshes([soup], origin, direction)
-    nearest = meet_every_triangle(points[soup.triangles], origin, direction).min(axis=1)
+    t, _ = cast_on_meshes([soup], origin, direction)
+    nearest = cast_on_every_triangle(points[soup.triangles], origin, direction).min(axis=1)
     assert np.array_equal(t >= 0, np.isfinite(nearest))
     met = t >= 0
     assert met.sum() > 100
@@ -95,7 +95,7 @@ def test_no_ray_leaves_a_closed_mesh_unseen():
         origin = origin + towards * rng.uniform(0, 0.5, size=(n, 1)).astype(np.float32)
         direction = np.repeat(points[:2000], n // 2000, axis=0) - origin
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        t, _ = meet_meshes([mesh], origin, direction, inside=1)
+        t, _ = cast_on_meshes([mesh], origin, direction, inside=1)
         assert (t < 0).sum() == 0
 
 
@@ -104,8 +104,8 @@ def test_a_boundary_is_met_from_the_side_that_the_path_is_on():
     origin = np.tile([[0.0, 0.0, 8.0]], (50_000, 1))
     direction = directions(50_000, 5) * 0.12 + np.array([0, 0, -1], dtype=np.float32)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    entered, _ = meet_meshes([mesh], origin, direction, inside=0)
-    left, _ = meet_meshes([mesh], origin, direction, inside=1)
+    entered, _ = cast_on_meshes([mesh], origin, direction, inside=0)
+    left, _ = cast_on_meshes([mesh], origin, direction, inside=1)
     met = entered >= 0
     assert np.array_equal(met, left >= 0)
     assert met.sum() > 10_000
@@ -142,7 +142,7 @@ def test_a_face_just_behind_the_origin_is_met(axis, side, inside):
     direction = directions(20_000, 10)
     # Flatter than 0.01 it is not looked for.
     direction[:, axis] = outwards * np.maximum(np.abs(direction[:, axis]), 0.02)
-    t, _ = meet_meshes([mesh], origin, direction, inside=inside)
+    t, _ = cast_on_meshes([mesh], origin, direction, inside=inside)
     assert np.all((t >= 0) & (t < 1e-6))
 
 
@@ -234,7 +234,7 @@ def test_triangles_in_one_place():
 
 def test_one_triangle_is_met():
     mesh = Mesh("/one", UNIT.astype(np.float32), np.array([[0, 1, 2]]), Surface())
-    t, normal = meet_meshes([mesh], [[0.2, 0.2, 3.0], [0.8, 0.8, 3.0]], [[0, 0, -1.0], [0, 0, -1.0]])
+    t, normal = cast_on_meshes([mesh], [[0.2, 0.2, 3.0], [0.8, 0.8, 3.0]], [[0, 0, -1.0], [0, 0, -1.0]])
     assert t == pytest.approx([3.0, -1.0], rel=1e-6)
     assert normal[0].tolist() == pytest.approx([0, 0, 1], abs=1e-6)
 
@@ -251,7 +251,7 @@ def test_the_triangle_that_is_met_and_where_on_it():
     lamp = MeshLight("/lamp", soups[2].astype(np.float64), (1, 1, 1))
     origin, direction = rng.uniform(-3, 3, size=(5000, 3)).astype(np.float32), directions(5000, 4)
     hits = hit_meshes(meshes, origin, direction, lights=[lamp], kept=RICH)
-    expected = meet_every_triangle(np.concatenate(soups), origin, direction)
+    expected = cast_on_every_triangle(np.concatenate(soups), origin, direction)
     met = hits.t >= 0
     assert np.array_equal(met, np.isfinite(expected.min(axis=1)))
     owner, face = np.divmod(expected.argmin(axis=1), 30)
@@ -272,7 +272,7 @@ def test_surfaces_that_were_passed_are_not_met_again():
     soup = Mesh("/soup", rng.normal(size=(600, 3)).astype(np.float32), np.arange(600).reshape(-1, 3), Surface())
     origin, direction = rng.uniform(-3, 3, size=(1, 3)).astype(np.float32), np.zeros((1, 3), dtype=np.float32)
     direction[0] = -origin[0] / np.linalg.norm(origin[0])
-    expected = np.sort(meet_every_triangle(soup.points[soup.triangles], origin, direction)[0])
+    expected = np.sort(cast_on_every_triangle(soup.points[soup.triangles], origin, direction)[0])
     expected = expected[np.isfinite(expected)]
     assert len(expected) > 10
     passed = 0.0

@@ -50,7 +50,7 @@ def meet(light, direction):
     rays = wp.array(direction.reshape(-1, 3).astype(np.float32), dtype=wp.vec3, device="cpu")
     out = wp.zeros((2, len(rays)), dtype=float, device="cpu")
     inputs = [*device_light(light), wp.vec3(*POINT), rays]
-    wp.launch(device_kernels.meet_light_kernel, dim=len(rays), inputs=inputs, outputs=[out], device="cpu")
+    wp.launch(device_kernels.intersect_light_kernel, dim=len(rays), inputs=inputs, outputs=[out], device="cpu")
     return out.numpy().astype(np.float64).reshape(2, *direction.shape[:-1])
 
 

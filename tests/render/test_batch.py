@@ -8,8 +8,8 @@ import pytest
 from fgf_warp import renderer
 from fgf_warp.errors import ConfigError
 from fgf_warp.features import required_features
+from fgf_warp.integrator.planes import PLANES
 from fgf_warp.integrator.program import build_program
-from fgf_warp.integrator.tally import PLANES
 from fgf_warp.renderer import Variant, batches, image_bytes, render, render_batch
 from fgf_warp.settings import GIB, RENDERED_AOVS, RenderSettings
 from tests import stats

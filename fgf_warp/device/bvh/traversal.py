@@ -24,7 +24,7 @@ from fgf_warp.device.geometry import (
     Hit,
     Placement,
     Start,
-    build_meet_solid,
+    build_intersect_solid,
     casts_shadow,
     coordinate_reach,
     is_inside,
@@ -266,7 +266,7 @@ def build_intersect_meshes(features: Any) -> Any:
     It has the arguments (trees, origin, direction, start, nearest), and gives `nearest`, or the triangle before it that
     the path can meet.
     """
-    enter_instance, meet_solid = build_enter_instance(features), build_meet_solid(features)
+    enter_instance, intersect_solid = build_enter_instance(features), build_intersect_solid(features)
     choose_triangle, describe_hit = build_choose_triangle(features), build_describe_hit(features)
     waiting_nodes, waiting_distances, depth_bits = build_stack(features)
 
@@ -320,7 +320,7 @@ def build_intersect_meshes(features: Any) -> Any:
                 root = trees[0].instances[-1 - node].root
                 if wp.static(features.solids_in_tree) and root < 0:
                     solid = trees[0].solids[-1 - root]
-                    nearer = meet_solid(solid, trees[0].motions, origin, direction, start, hit)
+                    nearer = intersect_solid(solid, trees[0].motions, origin, direction, start, hit)
                     if nearer.t < hit.t:
                         hit = nearer
                         hit_leaf = -1

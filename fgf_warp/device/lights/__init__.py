@@ -22,10 +22,10 @@ from fgf_warp.device.lights.intricate import build_lights
 from fgf_warp.device.lights.plain import (
     cone_pdf,
     emitted_radiance,
+    intersect_light,
     is_in_distant_light,
     light_distance,
     light_pdf,
-    meet_light,
     sample_light,
 )
 
@@ -45,9 +45,9 @@ __all__ = [
     "choose_light",
     "cone_pdf",
     "emitted_radiance",
+    "intersect_light",
     "is_in_distant_light",
     "light_distance",
     "light_pdf",
-    "meet_light",
     "sample_light",
 ]

@@ -26,7 +26,7 @@ from fgf_warp.device.lights.images import (
     sample_dome,
     sample_rect_image,
 )
-from fgf_warp.device.lights.plain import cone_pdf, emitted_radiance, light_pdf, meet_light, sample_light
+from fgf_warp.device.lights.plain import cone_pdf, emitted_radiance, intersect_light, light_pdf, sample_light
 from fgf_warp.device.lights.shapes import (
     cylinder_distance,
     cylinder_normal,
@@ -75,7 +75,7 @@ def build_lights(kinds: frozenset[int], has_images: bool, has_shaping: bool) -> 
         for i in range(lights.shape[0]):
             kind = lights[i].kind
             if kind == RECT or kind == DISK or kind == SPHERE_LIGHT:
-                hit = meet_light(lights[i], kind, i, origin, direction, hit)
+                hit = intersect_light(lights[i], kind, i, origin, direction, hit)
             if wp.static(int(CYLINDER_LIGHT) in kinds):
                 if kind == CYLINDER_LIGHT:
                     t = cylinder_distance(lights[i], origin, direction)

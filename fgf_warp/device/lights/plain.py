@@ -4,7 +4,7 @@ import warp as wp
 
 from fgf_warp.device.geometry import LIGHT, Hit
 from fgf_warp.device.lights.data import DISTANT, RECT, SPHERE_LIGHT, Light, LightSample
-from fgf_warp.device.numerics import INFINITE, PI, choose, one_minus_cos_between, sincos_turns, turn, unit
+from fgf_warp.device.numerics import INFINITE, PI, choose, one_minus_cos_between, rotate_from, sincos_turns, unit
 
 
 @wp.func(inline=True)
@@ -63,13 +63,13 @@ def sample_light(light: Light, kind: int, position: wp.vec3, xi1: float, xi2: fl
         is_delta = light.cone == 0.0
         s.distance = INFINITE
         s.only_connected = wp.where(is_delta, 1, 0)
-        s.direction = choose(is_delta, light.center, turn(light.center, xi1 * light.cone, xi2))
+        s.direction = choose(is_delta, light.center, rotate_from(light.center, xi1 * light.cone, xi2))
         s.pdf_solid_angle = wp.where(is_delta, 1.0, cone_pdf(light.cone))
         return s
     if kind == SPHERE_LIGHT:
         cone = sphere_cone(light, position)
         to_center = light.center - position
-        s.direction = turn(unit(to_center), xi1 * cone, xi2)
+        s.direction = rotate_from(unit(to_center), xi1 * cone, xi2)
         s.distance = wp.min(sphere_distance(light, position, s.direction), wp.length(to_center))
         s.pdf_solid_angle = cone_pdf(cone)
         return s
@@ -115,7 +115,7 @@ def light_distance(light: Light, kind: int, origin: wp.vec3, direction: wp.vec3)
 
 
 @wp.func(inline=True)
-def meet_light(light: Light, kind: int, item: int, origin: wp.vec3, direction: wp.vec3, nearest: Hit) -> Hit:
+def intersect_light(light: Light, kind: int, item: int, origin: wp.vec3, direction: wp.vec3, nearest: Hit) -> Hit:
     """`nearest`, or the light before it; lights are opaque.
 
     item: index of the light, which the hit tells.

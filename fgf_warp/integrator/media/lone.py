@@ -5,7 +5,7 @@ from typing import Any
 import warp as wp
 
 from fgf_warp.device import fbm
-from fgf_warp.device.law import flight_of_ln, fly_frozen, fly_power, ln_decorrelation, ln_flight
+from fgf_warp.device.law import flight_of_ln, ln_decorrelation, ln_flight, sample_frozen, sample_power
 from fgf_warp.device.medium import Medium
 from fgf_warp.device.numerics import INFINITE, log_positive
 from fgf_warp.device.rng import EVENT
@@ -31,7 +31,7 @@ def build_medium(
     """The value of a kernel of these features."""
     Path, SceneData = record.struct, scene_struct(features)
     begin_exact_flight, look_up_exact_flight = build_exact_flight(record)
-    fly = build_fly(features, record, sampler, laws)
+    sample_flight = build_sample_flight(features, record, sampler, laws)
     medium_at_depth, looks_up = laws.medium_at_depth, features.lone_law == "exact_fbm"
 
     @wp.func
@@ -39,7 +39,7 @@ def build_medium(
         path = before
         if wp.static(looks_up):
             path = look_up_exact_flight(begin_exact_flight(path, lone), lone, scene.tables)
-        return fly(path, lone, seed)
+        return sample_flight(path, lone, seed)
 
     @wp.func(inline=True)
     def scattering(lone: Medium, path: Path):
@@ -58,7 +58,7 @@ def build_medium(
         return length
 
     flights_in_lanes = build_flights_in_lanes(
-        features, record, flight, layout, (fly, begin_exact_flight, look_up_exact_flight)
+        features, record, flight, layout, (sample_flight, begin_exact_flight, look_up_exact_flight)
     )
     return MediumFunctions(
         sample_free_flight,
@@ -95,21 +95,21 @@ def build_exact_flight(record: PathRecord) -> tuple[Any, Any]:
     return begin_exact_flight, look_up_exact_flight
 
 
-def build_fly(features: RenderFeatures, record: PathRecord, sampler: Sampler, laws: LineLaws) -> Any:
+def build_sample_flight(features: RenderFeatures, record: PathRecord, sampler: Sampler, laws: LineLaws) -> Any:
     """The function (path, medium, seed) -> Path that samples the flight; branch-free."""
     Path = record.struct
     draw_more, medium_at_depth = sampler.draw_more, laws.medium_at_depth
     law_kind, lone_solid = features.lone_law, bool(features.lone_solid)
 
     @wp.func(inline=True)
-    def fly(before: Path, lone: Medium, seed: wp.uint64) -> Path:
+    def sample_flight(before: Path, lone: Medium, seed: wp.uint64) -> Path:
         path = before
         medium = medium_at_depth(lone, before.depth)
         remembers = before.from_medium == 1 and medium.law.reciprocal == 1
         exponent = -log_positive(before.xi[0])
         u = exponent / medium.law.rate
         if wp.static(law_kind == "power"):
-            u = fly_power(medium.law, exponent, remembers)
+            u = sample_power(medium.law, exponent, remembers)
         if wp.static(law_kind == "exact_fbm"):
             u = flight_of_ln(before.flight)
         if wp.static(law_kind == "fractional"):
@@ -118,7 +118,7 @@ def build_fly(features: RenderFeatures, record: PathRecord, sampler: Sampler, la
             ln_u = wp.where(remembers, wp.min(ln_u, ln_decorrelation(medium.law, more[0], more[1])), ln_u)
             u = flight_of_ln(ln_u)
         if wp.static(features.frozen):
-            u = wp.where(before.rates[0] >= 0.0, fly_frozen(before.rates[0], exponent), u)
+            u = wp.where(before.rates[0] >= 0.0, sample_frozen(before.rates[0], exponent), u)
         path.flight = wp.min(u / medium.extinction[0], 0.5 * INFINITE)
         if wp.static(not lone_solid):
             # Only one boundary is around it, so its segment begins where it was last crossed.
@@ -127,7 +127,7 @@ def build_fly(features: RenderFeatures, record: PathRecord, sampler: Sampler, la
             path.flight = wp.where(is_in_medium, before.start.t_min + path.flight, INFINITE)
         return path
 
-    return fly
+    return sample_flight
 
 
 def build_flights_in_lanes(
@@ -141,7 +141,7 @@ def build_flights_in_lanes(
     SceneData = scene_struct(features)
     load, store, lanes_of = record.load, record.store, layout.lanes_of
     begin_event, begin_ray = flight
-    fly, begin_exact_flight, look_up_exact_flight = steps
+    sample_flight, begin_exact_flight, look_up_exact_flight = steps
     looks_up = features.lone_law == "exact_fbm"
     # Into a lone solid the ray is followed first: the flight begins where the ray enters it.
     begins_ray = not features.lone_solid
@@ -156,7 +156,7 @@ def build_flights_in_lanes(
             if wp.static(looks_up):
                 path = begin_exact_flight(path, lone)
             else:
-                path = fly(path, lone, seed)
+                path = sample_flight(path, lone, seed)
             if wp.static(begins_ray and not looks_up):
                 path = begin_ray(path, camera)
             store(lanes, i, path)
@@ -166,7 +166,7 @@ def build_flights_in_lanes(
                 store(lanes, i, look_up_exact_flight(path, lone, scene.tables))
             for i in range(LANES):
                 path = load(lanes, i)
-                path = fly(path, lone, seed)
+                path = sample_flight(path, lone, seed)
                 if wp.static(begins_ray):
                     path = begin_ray(path, camera)
                 store(lanes, i, path)

@@ -5,7 +5,7 @@ from typing import Any
 import warp as wp
 
 from fgf_warp.device import fbm
-from fgf_warp.device.law import EXACT_FBM, Law, fly_frozen, sample_mm, sample_sm
+from fgf_warp.device.law import EXACT_FBM, Law, sample_frozen, sample_mm, sample_sm
 from fgf_warp.device.medium import Medium, container_at, medium_at
 from fgf_warp.device.numerics import INFINITE, log_positive
 from fgf_warp.device.rng import EVENT
@@ -77,7 +77,7 @@ def build_sample_free_flight(features: RenderFeatures, record: PathRecord, sampl
         if wp.static(features.frozen):
             rate = path.rates[channel]
             if rate >= 0.0:
-                return fly_frozen(rate, -log_positive(path.xi[0]))
+                return sample_frozen(rate, -log_positive(path.xi[0]))
         if wp.static(features.exact_variance):
             if law.kind == EXACT_FBM:
                 return fbm.sample_flight(law, scene.tables, path.xi[0], path.from_medium == 1)
