@@ -14,9 +14,7 @@ ALLOWED = {
     "fgf_warp.errors": (),
     "fgf_warp.locks": ("fgf_warp.errors",),
     "fgf_warp.theory": (),
-    "fgf_warp.placements": (),
-    "fgf_warp.scene": ("fgf_warp.errors", "fgf_warp.placements", "fgf_warp.shells", "fgf_warp.theory"),
-    "fgf_warp.shells": (),
+    "fgf_warp.scene": ("fgf_warp.errors", "fgf_warp.theory"),
     "fgf_warp.settings": ("fgf_warp.errors", "fgf_warp.theory"),
     "fgf_warp.result": ("fgf_warp.settings",),
     "fgf_warp.features": ("fgf_warp.errors", "fgf_warp.scene", "fgf_warp.settings"),
@@ -28,7 +26,6 @@ ALLOWED = {
         "fgf_warp.errors",
         "fgf_warp.headers",
         "fgf_warp.integrator",
-        "fgf_warp.placements",
         "fgf_warp.scene",
         "fgf_warp.settings",
         "fgf_warp.theory",
@@ -76,10 +73,44 @@ ALLOWED = {
         "fgf_warp.settings",
     ),
     "fgf_warp.output": ("fgf_warp", "fgf_warp.errors", "fgf_warp.result", "fgf_warp.settings"),
-    "usd_scenes": ("fgf_warp.errors", "fgf_warp.placements", "fgf_warp.scene"),
+    "usd_scenes": ("fgf_warp.errors", "fgf_warp.scene"),
     "generators": ("fgf_warp", "usd_scenes"),
 }
 """What each module or package may import of the project, beside itself."""
+
+ORDERS = {
+    "fgf_warp.scene": (
+        "values",
+        "placements",
+        "checks",
+        "boxes",
+        "shells",
+        "camera",
+        "medium",
+        "textures",
+        "surface",
+        "mesh",
+        "shapes",
+        "lights",
+        "scene",
+    ),
+    "fgf_warp.upload": (
+        "arrays",
+        "albedos",
+        "textures",
+        "bvh_binning",
+        "bvh_kernel",
+        "bvh_splitting",
+        "bvh",
+        "instances",
+        "media",
+        "shading",
+        "lights",
+        "meshes",
+        "scene",
+    ),
+}
+"""The files of a package, of which each imports only those before it."""
 
 ONLY_IN = {
     "pxr": ("usd_scenes",),
@@ -123,6 +154,10 @@ def imports(path: Path) -> set[str]:
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 
 
+def files_of(package: str) -> list[Path]:
+    return sorted((ROOT / Path(*package.split("."))).glob("*.py"))
+
+
 def module_name(path: Path) -> str:
     name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
     return name.removesuffix(".__init__")
@@ -148,6 +183,17 @@ def test_every_module_is_held():
     assert sorted({*held, "fgf_warp"}) == sorted({module_name(path) for path in SOURCES} | {"fgf_warp"})
 
 
+@pytest.mark.parametrize("package", ORDERS)
+def test_order_in_a_package(package):
+    order = [f"{package}.{name}" for name in ORDERS[package]]
+    assert sorted(order) == sorted(f"{package}.{path.stem}" for path in files_of(package) if path.stem != "__init__")
+    for path in files_of(package):
+        module = module_name(path)
+        before = order[: order.index(module)] if module in order else order
+        for name in imports(path):
+            assert not is_in(name, (package,)) or name in before, f"{module} imports {name}"
+
+
 @pytest.mark.parametrize(
     ("imported", "absent"),
     [
@@ -161,3 +207,31 @@ def test_imports_start_nothing(imported, absent):
     code = f"import sys, {imported}; print([m for m in {absent!r} if m in sys.modules])"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
+
+
+def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """The modules that reach themselves by what they import: each group of those that reach one another, sorted."""
+    reached = {module: set(names) for module, names in graph.items()}
+    for middle in graph:
+        for names in reached.values():
+            if middle in names:
+                names.update(reached[middle])
+    groups = {tuple(sorted(n for n in reached[m] if m in reached[n])) for m in graph if m in reached[m]}
+    return [list(group) for group in sorted(groups)]
+
+
+def test_no_files_import_each_other():
+    """Directly or in a circle, wherever in a file the import is written.
+
+    An import inside a function, or for type checkers alone, breaks no import at run time, yet whoever reads one of the
+    files must know the other, so both count. A package's `__init__` counts for those who import a name of its own, not
+    for those who import a module below it.
+    """
+    files = {module_name(path): path for path in SOURCES}
+    graph = {module: imports(path) & files.keys() for module, path in files.items()}
+    assert not circles(graph)
+
+
+def test_circles_are_found():
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"b", "e"}, "d": {"d"}, "e": set()}
+    assert circles(graph) == [["b", "c"], ["d"]]

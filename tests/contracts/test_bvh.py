@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fgf_warp.device.geometry import LIGHT
-from fgf_warp.placements import invert_axes
 from fgf_warp.scene import Mesh, MeshLight, Surface
+from fgf_warp.scene.placements import invert_axes
 from fgf_warp.upload import build_box_tree, build_wide_tree, bvh_splitting
 from tests.contracts.device_kernels import RICH, hit_meshes, meet_meshes
 from usd_scenes.examples import trefoil_tube
