@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,8 @@ LINEAR_SPACES = ("lin_rec709", "lin_rec709_scene")
 """Names of the color space that images are rendered in."""
 FULL_BINDING = ("full", "")
 """Purposes of the materials that are rendered."""
+NAMED_BY = {UsdRender.Product: (UsdRender.Settings, "products"), UsdRender.Var: (UsdRender.Product, "orderedVars")}
+"""What is rendered only where a relationship of such a prim names it."""
 READ_SOURCE_TYPES = ("raw", "intrinsic")
 
 
@@ -92,7 +95,10 @@ def read_settings(context: StageContext, asked: str | None = None) -> StageSetti
     Raises:
         SceneError: for settings that are asked for and not there, or for what is mended, where it is read strictly.
     """
-    settings = _find_settings(context, asked)
+    prims = [prim for prim in context.stage.Traverse() if prim.GetTypeName().startswith("Render")]
+    by_type = {kind: [prim for prim in prims if prim.IsA(kind)] for kind in (*NAMED_BY, UsdRender.Settings)}
+    _note_unnamed(by_type, context)
+    settings = _find_settings(by_type[UsdRender.Settings], context, asked)
     if settings is None:
         return StageSettings()
     _note_what_is_not_read(settings, context)
@@ -103,9 +109,18 @@ def read_settings(context: StageContext, asked: str | None = None) -> StageSetti
     )
 
 
-def _find_settings(context: StageContext, asked: str | None) -> Usd.Prim | None:
+def _note_unnamed(by_type: Mapping[type, Sequence[Usd.Prim]], context: StageContext) -> None:
+    """Tells of products and render vars that are in the stage and that nothing asks for."""
+    for kind, (of, name) in NAMED_BY.items():
+        named = {path for prim in by_type[of] for path in _targets(prim, name)}
+        for prim in by_type[kind]:
+            if prim.GetPath() not in named:
+                text = f"a Render{kind.__name__} that no Render{of.__name__} names in its {name} is left out"
+                context.notes.add(text, prim.GetPath())
+
+
+def _find_settings(there_are: Sequence[Usd.Prim], context: StageContext, asked: str | None) -> Usd.Prim | None:
     stage = context.stage
-    there_are = [prim for prim in stage.Traverse() if prim.IsA(UsdRender.Settings)]
     if asked is not None:
         found = [prim for prim in there_are if str(prim.GetPath()) == asked]
         if not found:

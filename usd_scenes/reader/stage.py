@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pxr import Tf, Usd, UsdGeom, UsdShade, UsdSkel
+from pxr import Usd, UsdGeom, UsdShade, UsdSkel
 
 from fgf_warp.errors import FgfError, SceneError
 from fgf_warp.scene import Camera, Light, Medium, Scene, Shape
@@ -25,6 +25,7 @@ from usd_scenes.reader.edits import Edits, edited
 from usd_scenes.reader.frames import Frame
 from usd_scenes.reader.lights import DEFAULT_DOME, default_lights, emitting_meshes, is_light, read_light
 from usd_scenes.reader.links import link_lights
+from usd_scenes.reader.listening import Heard, listening, tell_of_no_text
 from usd_scenes.reader.materials import MaterialReader
 from usd_scenes.reader.metadata import check_metadata, meters_per_unit, start_of
 from usd_scenes.reader.policy import Policy
@@ -137,13 +138,13 @@ def read_scene(
     asked_for = frozenset(target.partition("[")[0] for target in edits or {})
     choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product, asked_for)
     schema.register()
-    with usd_errors_as_scene_errors(str(path)) as trap:
+    with usd_errors_as_scene_errors(str(path)) as heard:
         stage = open_stage(Path(path))
         with edited(stage, edits or {}, _time_code(stage, frame)):
-            again = stages.read_again(stage, choices, edits, trap) if stages and edits else None
+            again = stages.read_again(stage, choices, edits, heard) if stages and edits else None
             if again is not None:
                 return again
-            survey, context = _read(stage, str(path), choices, trap)
+            survey, context = _read(stage, str(path), choices, heard)
             if stages and edits and survey.reading:
                 stages.keep(survey.reading, choices, edits, context)
             return _whole(survey)
@@ -164,8 +165,8 @@ def read_stage(
     choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product)
     schema.register()
     source = _source(stage)
-    with usd_errors_as_scene_errors(source) as trap:
-        return _whole(_read(stage, source, choices, trap)[0])
+    with usd_errors_as_scene_errors(source) as heard:
+        return _whole(_read(stage, source, choices, heard)[0])
 
 
 def read_products(
@@ -210,9 +211,7 @@ class OpenStages:
             kept = KeptScene.of(reading.scene, edits, context)
         self._last = None if kept is None else (reading, choices, kept)
 
-    def read_again(
-        self, stage: Usd.Stage, choices: _Choices, edits: Edits, trap: Tf.DiagnosticTrap
-    ) -> StageReading | None:
+    def read_again(self, stage: Usd.Stage, choices: _Choices, edits: Edits, heard: Heard) -> StageReading | None:
         """What the stage comes to with the edits that it has now; None where it must be read as a whole."""
         if self._last is None:
             return None
@@ -220,7 +219,7 @@ class OpenStages:
         if stage != kept.context.stage or choices != as_chosen:
             return None
         scene = kept.with_lights(edits)
-        return None if scene is None or trap.GetWarnings() else replace(reading, scene=scene)
+        return None if scene is None or heard.warnings() else replace(reading, scene=scene)
 
 
 def survey_stage(
@@ -245,11 +244,8 @@ def survey_stage(
     """
     schema.register()
     choices = _Choices(camera, frame, purposes, strict=strict)
-    with Tf.DiagnosticTrap() as trap:
-        try:
-            return _read(stage, _source(stage), choices, trap, refusals=[])[0]
-        finally:
-            trap.Clear()
+    with listening() as heard:
+        return _read(stage, _source(stage), choices, heard, refusals=[])[0]
 
 
 def stage_context(stage: Usd.Stage, frame: Frame | None = None, policy: Policy | None = None) -> StageContext:
@@ -262,7 +258,7 @@ def _read(
     stage: Usd.Stage,
     source: str,
     choices: _Choices,
-    trap: Tf.DiagnosticTrap,
+    heard: Heard,
     refusals: list[FgfError] | None = None,
 ) -> tuple[StageSurvey, StageContext]:
     """Reads a stage; the first refusal is raised where they are not collected in `refusals`."""
@@ -312,7 +308,9 @@ def _read(
                 source=source,
             )
             _note_law_warnings(context, scene)
-    note_warnings(trap, context.notes, stage)
+    with context.going_on():
+        tell_of_no_text(heard, context)
+    note_warnings(heard, context.notes, stage)
     reading = None
     if scene is not None and not refusals:
         reading = StageReading(scene, product.resolution, context.notes.texts(), product.sources, context.up_axis)
