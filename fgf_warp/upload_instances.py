@@ -11,8 +11,8 @@ import warp as wp
 
 from fgf_warp.device import bvh, geometry
 from fgf_warp.integrator import SOLID_KINDS
-from fgf_warp.placements import BLOCK, blocks, compose, invert_axes, squared
 from fgf_warp.scene import Instances, Mesh, Shape, Solid, count_of, moves
+from fgf_warp.scene.placements import BLOCK, blocks, compose, invert_axes, squared
 
 INSTANCE_MARGIN = 1e-6
 """Of an instance's box, relative to the coordinates on the way into its space: amply more than is rounded there."""

@@ -14,9 +14,7 @@ ALLOWED = {
     "fgf_warp.errors": (),
     "fgf_warp.locks": ("fgf_warp.errors",),
     "fgf_warp.theory": (),
-    "fgf_warp.placements": (),
-    "fgf_warp.scene": ("fgf_warp.errors", "fgf_warp.placements", "fgf_warp.shells", "fgf_warp.theory"),
-    "fgf_warp.shells": (),
+    "fgf_warp.scene": ("fgf_warp.errors", "fgf_warp.theory"),
     "fgf_warp.settings": ("fgf_warp.errors", "fgf_warp.theory"),
     "fgf_warp.result": ("fgf_warp.settings",),
     "fgf_warp.features": ("fgf_warp.errors", "fgf_warp.scene", "fgf_warp.settings"),
@@ -42,7 +40,6 @@ ALLOWED = {
     "fgf_warp.upload_instances": (
         "fgf_warp.device",
         "fgf_warp.integrator",
-        "fgf_warp.placements",
         "fgf_warp.scene",
     ),
     "fgf_warp.upload_meshes": ("fgf_warp.bvh", "fgf_warp.device", "fgf_warp.scene", "fgf_warp.upload_instances"),
@@ -89,10 +86,29 @@ ALLOWED = {
         "fgf_warp.settings",
     ),
     "fgf_warp.output": ("fgf_warp", "fgf_warp.errors", "fgf_warp.result", "fgf_warp.settings"),
-    "usd_scenes": ("fgf_warp.errors", "fgf_warp.placements", "fgf_warp.scene"),
+    "usd_scenes": ("fgf_warp.errors", "fgf_warp.scene"),
     "generators": ("fgf_warp", "usd_scenes"),
 }
 """What each module or package may import of the project, beside itself."""
+
+ORDERS = {
+    "fgf_warp.scene": (
+        "values",
+        "placements",
+        "checks",
+        "boxes",
+        "shells",
+        "camera",
+        "medium",
+        "textures",
+        "surface",
+        "mesh",
+        "shapes",
+        "lights",
+        "scene",
+    ),
+}
+"""The files of a package, of which each imports only those before it."""
 
 ONLY_IN = {
     "pxr": ("usd_scenes",),
@@ -141,6 +157,10 @@ def imports(path: Path) -> set[str]:
 SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 
 
+def files_of(package: str) -> list[Path]:
+    return sorted((ROOT / Path(*package.split("."))).glob("*.py"))
+
+
 def module_name(path: Path) -> str:
     name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
     return name.removesuffix(".__init__")
@@ -164,6 +184,17 @@ def test_direction(path):
 def test_every_module_is_held():
     held = [module_name(path) for path in SOURCES if any(is_in(module_name(path), (owner,)) for owner in ALLOWED)]
     assert sorted({*held, "fgf_warp"}) == sorted({module_name(path) for path in SOURCES} | {"fgf_warp"})
+
+
+@pytest.mark.parametrize("package", ORDERS)
+def test_order_in_a_package(package):
+    order = [f"{package}.{name}" for name in ORDERS[package]]
+    assert sorted(order) == sorted(f"{package}.{path.stem}" for path in files_of(package) if path.stem != "__init__")
+    for path in files_of(package):
+        module = module_name(path)
+        before = order[: order.index(module)] if module in order else order
+        for name in imports(path):
+            assert not is_in(name, (package,)) or name in before, f"{module} imports {name}"
 
 
 @pytest.mark.parametrize(

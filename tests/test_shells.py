@@ -5,7 +5,8 @@ import pytest
 
 from fgf_warp.errors import OpenMeshError
 from fgf_warp.scene import DOUBLED_FACES, INWARD_SHELL, Camera, Instances, Medium, Mesh, Scene, Surface, encloses
-from fgf_warp.shells import count_unmatched, find_shells, meeting_boxes, weld
+from fgf_warp.scene.boxes import meeting_boxes
+from fgf_warp.scene.shells import count_unmatched, find_shells, weld
 from tests.render.test_media import BOX, CORNERS
 from tests.scenes import transform
 

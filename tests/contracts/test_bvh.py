@@ -6,8 +6,8 @@ import pytest
 from fgf_warp import bvh_splitting
 from fgf_warp.bvh import build_box_tree, build_wide_tree
 from fgf_warp.device.geometry import LIGHT
-from fgf_warp.placements import invert_axes
 from fgf_warp.scene import Mesh, MeshLight, Surface
+from fgf_warp.scene.placements import invert_axes
 from tests.contracts.device_kernels import RICH, hit_meshes, meet_meshes
 from usd_scenes.examples import trefoil_tube
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from fgf_warp import scene as scene_module
 from fgf_warp.features import required_features
 from fgf_warp.renderer import render
 from fgf_warp.scene import DistantLight, Mesh, Solid, Surface
+from fgf_warp.scene import shapes as shapes_module
 from fgf_warp.settings import RenderSettings
 from tests import stats
 from tests.contracts.test_instances import affine, in_world
@@ -135,11 +135,11 @@ def test_many_solids_look_the_same_in_the_tree_as_one_after_the_other(monkeypatc
     kinds = ("sphere", "cube", "cylinder")
     shapes = tuple(
         Solid(f"/{k}", kinds[k % 3], transform(0.15, rng.uniform(-1.5, 1.5, size=3)), Surface((0.8, 0.6, 0.4)))
-        for k in range(scene_module.MANY_SOLIDS + 1)
+        for k in range(shapes_module.MANY_SOLIDS + 1)
     )
     scene = replace(furnace(fills_view=False), shapes=shapes, media=())
     assert required_features(scene, SETTINGS).solids_in_tree
     in_tree = render(scene, replace(SETTINGS, seed=1))
-    monkeypatch.setattr(scene_module, "MANY_SOLIDS", len(shapes))
+    monkeypatch.setattr(shapes_module, "MANY_SOLIDS", len(shapes))
     assert not required_features(scene, SETTINGS).solids_in_tree
     stats.assert_images_agree(in_tree, render(scene, replace(SETTINGS, seed=2)), blocks=4, detects=0.05)

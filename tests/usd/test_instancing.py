@@ -13,8 +13,8 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from fgf_warp.errors import SceneError, UnsupportedFeatureError
-from fgf_warp.placements import squared
 from fgf_warp.scene import MAX_CONTAINERS, Mesh, Shape, Solid
+from fgf_warp.scene.placements import squared
 from fgf_warp.upload_instances import number_motions
 from tests.usd.prims import as_told
 from usd_scenes.reader import read_scene, read_stage

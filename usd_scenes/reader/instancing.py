@@ -10,7 +10,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from fgf_warp.errors import SceneError, UnsupportedFeatureError
-from fgf_warp.placements import blocks, compose, squared
+from fgf_warp.scene.placements import blocks, compose, squared
 from usd_scenes.reader.attributes import read_array
 from usd_scenes.reader.context import StageContext
 

@@ -12,8 +12,8 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from fgf_warp.errors import UnsupportedFeatureError
-from fgf_warp.placements import are_usable, squared
 from fgf_warp.scene import MANY_SOLIDS, MAX_CONTAINERS, Instances, Mesh, Shape, Solid
+from fgf_warp.scene.placements import are_usable, squared
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.geometry import FORM_READERS, Canonical, read_solid
 from usd_scenes.reader.instance_primvars import read_of_instances

@@ -6,20 +6,17 @@ the one around it, but not for surfaces that overlap, nest or touch: these are p
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-ROUNDING = 1e-5
-"""Of coordinates in float32, amply and relative: surfaces that are so near each other may touch."""
+from fgf_warp.scene.boxes import CONTACT_ROUNDING, meeting_boxes
+
 MANY_PAIRS = 1000
-"""Of shells whose boxes overlap: of more it is not looked whether the shells themselves do."""
+"""Pairs of shells whose boxes overlap: where there are more, it is not looked whether the shells themselves do."""
 FLAT = 1e-7
-"""Volume over area and diagonal, of what encloses none: it is as flat as float32 can tell."""
-PAIRS_AT_ONCE = 4_000_000
-"""Of boxes that are compared in one step, which bounds the memory that it takes."""
+"""Volume over area and diagonal below which a shell encloses none: it is as flat as float32 can tell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +34,7 @@ class Shells:
 
     @property
     def count(self) -> int:
-        """Of groups; 0 where the mesh encloses no volume."""
+        """Number of groups; 0 where the mesh encloses no volume."""
         return int(self.groups.max(initial=-1)) + 1
 
     @property
@@ -47,34 +44,41 @@ class Shells:
 
 
 def find_shells(points: np.ndarray, triangles: np.ndarray, corners: np.ndarray) -> Shells:
-    """Takes a closed mesh apart.
+    """Takes a closed mesh apart into shells, and puts these into groups.
 
-    Triangles that share points make a shell; where they are open, as at seams, those too whose points coincide. A
-    shell that faces inwards is a cavity of the smallest one around it. Triangles of a shell, and whole shells, that
-    are there facing both ways are left out, as is what encloses no volume.
+    Triangles that share points make a shell; where they are open, as at seams, so do those whose points coincide. A
+    shell that faces inwards is a cavity of the smallest one around it. Left out are triangles and whole shells that are
+    there twice, facing both ways, and what encloses no volume.
 
     Args:
         points: (n, 3) float.
         triangles: (m, 3) int, of a mesh without open edges; counter-clockwise seen from outside.
-        corners: (m, 3) int, the same of welded points, as by `weld`.
+        corners: (m, 3) int, the triangles with points that coincide welded, as by `weld`.
     """
     labels = _label(triangles, corners)
-    is_left = ~_are_doubled(corners, labels)
-    if not is_left.all() and is_left.any():
-        # What they joined may lie apart.
-        labels[is_left] = _label(triangles[is_left], corners[is_left])
-    shells = _Parts(np.asarray(points, dtype=np.float64), np.asarray(triangles), labels, is_left)
-    is_shell = ~shells.cancelled(corners) & ~shells.flat
+    is_kept = ~_find_doubled(corners, labels)
+    if not is_kept.all() and is_kept.any():
+        # What the doubled triangles joined may lie apart without them.
+        labels[is_kept] = _label(triangles[is_kept], corners[is_kept])
+    shells = _Parts(np.asarray(points, dtype=np.float64), np.asarray(triangles), labels, is_kept)
+    is_shell = ~shells.find_cancelled(corners) & ~shells.are_flat
     around, turned = shells.find_cavities(is_shell)
     bodies = shells.merged(around)
-    is_shell &= ~bodies.flat[around]
-    groups = bodies.color(is_shell & (around == np.arange(len(around))))
+    is_shell &= ~bodies.are_flat[around]
+    groups = bodies.color_groups(is_shell & (around == np.arange(len(around))))
     of_shell = np.where(is_shell, groups[around], -1)
-    return Shells(np.where(is_left, of_shell[labels], -1).astype(np.int32), is_left & turned[labels])
+    return Shells(np.where(is_kept, of_shell[labels], -1).astype(np.int32), is_kept & turned[labels])
 
 
 def weld(points: np.ndarray) -> np.ndarray:
-    """(n,) int, a number for each point, the same for those that coincide."""
+    """Numbers points such that those that coincide have one number.
+
+    Args:
+        points: (n, 3) float.
+
+    Returns:
+        (n,) int, from 0 on.
+    """
     number = np.zeros(len(points), dtype=np.int64)
     for column in np.asarray(points).T:
         values, rank = np.unique(column, return_inverse=True)
@@ -83,14 +87,14 @@ def weld(points: np.ndarray) -> np.ndarray:
 
 
 def count_unmatched(corners: np.ndarray, labels: np.ndarray | None = None) -> np.ndarray:
-    """Directed edges that no triangle of the same label runs along in the other direction.
+    """Counts the directed edges that no triangle of the same label runs along in the other direction.
 
     Args:
-        corners: (m, 3) int, welded points.
-        labels: (m,) int from 0 on; None: one for all.
+        corners: (m, 3) int, triangles of welded points.
+        labels: (m,) int from 0 on, of each triangle; None: one for all.
 
     Returns:
-        (labels,) int, their number.
+        (k,) int, the number of such edges for each of the k labels.
     """
     edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]).astype(np.int64)
     of_edge = np.zeros(len(edges), dtype=np.int64) if labels is None else np.tile(labels, 3)
@@ -108,7 +112,16 @@ def count_unmatched(corners: np.ndarray, labels: np.ndarray | None = None) -> np
 
 
 def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray) -> float:
-    """How often a closed mesh winds around a point: 1 inside, 0 outside (van Oosterom and Strackee 1983)."""
+    """How often a closed mesh winds around a point, by solid angles (van Oosterom and Strackee 1983).
+
+    Args:
+        points: (n, 3) float.
+        triangles: (m, 3) int.
+        point: (3,) float64.
+
+    Returns:
+        1 inside, 0 outside; more where parts of the mesh overlap, and -1 in one that faces inwards.
+    """
     a, b, c = (np.asarray(points, dtype=np.float64)[triangles[:, corner]] - point for corner in range(3))
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
     volume = np.einsum("ij,ij->i", a, np.cross(b, c))
@@ -121,57 +134,20 @@ def winding_number(points: np.ndarray, triangles: np.ndarray, point: np.ndarray)
     return float(np.arctan2(volume, denominator).sum() / (2 * np.pi))
 
 
-def meeting_boxes(low: np.ndarray, high: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Pairs (i, j), i != j, of boxes that overlap or touch, each once, some at a time.
-
-    Args:
-        low: (n, 3) float, lowest corners.
-        high: (n, 3) float, highest.
-    """
-    start, spread = low.min(axis=0), np.maximum(np.ptp(low, axis=0), 1e-300)
-    crowding = (high - low).mean(axis=0) / spread
-    along, across = np.argsort(crowding)[:2]
-    # In strips about as wide as they are, along the axis that they overlap in least: there each meets those that begin
-    # before it ends.
-    count = int(np.clip(np.sqrt(len(low)), 1, 1 + 1 / max(crowding[across], 1e-9)))
-    to_strip = count / spread[across]
-    first_strip = np.clip((low[:, across] - start[across]) * to_strip, 0, count - 1).astype(np.int64)
-    last_strip = np.clip((high[:, across] - start[across]) * to_strip, 0, count - 1).astype(np.int64)
-    box, nth = _spread_out(last_strip - first_strip + 1)
-    strip = first_strip[box] + nth
-    # A strip is two wide, so that what ends beyond the last beginning ends in its strip.
-    begin = 2.0 * strip + (low[box, along] - start[along]) / spread[along]
-    end = 2.0 * strip + np.minimum((high[box, along] - start[along]) / spread[along], 1.5)
-    order = np.argsort(begin)
-    box, strip, begin, end = box[order], strip[order], begin[order], end[order]
-    counts = np.searchsorted(begin, end, side="right") - np.arange(1, len(order) + 1)
-    total = np.append(0, np.cumsum(counts))
-    first = 0
-    while first < len(order):
-        last = max(int(np.searchsorted(total, total[first] + PAIRS_AT_ONCE, side="right")) - 1, first + 1)
-        one, nth = _spread_out(counts[first:last])
-        one += first
-        i, j, here = box[one], box[one + 1 + nth], strip[one]
-        meets = here == np.maximum(first_strip[i], first_strip[j])
-        for axis in range(3):
-            meets &= (low[i, axis] <= high[j, axis]) & (low[j, axis] <= high[i, axis])
-        yield i[meets], j[meets]
-        first = last
-
-
-def _spread_out(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For each of so many of each: whose it is, and its number among those."""
-    owner = np.repeat(np.arange(len(counts)), counts)
-    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-
-
 def _starts(keys: np.ndarray) -> np.ndarray:
-    """Where runs of equal keys begin, of sorted ones."""
+    """Where runs of equal keys begin, (r,) int; the keys, (n,), are sorted."""
     return np.flatnonzero(np.append(True, keys[1:] != keys[:-1])) if len(keys) else np.zeros(0, dtype=np.int64)
 
 
 def _connect(triangles: np.ndarray) -> np.ndarray:
-    """(m,) int, the same for triangles that share points, numbered by their first triangle."""
+    """Labels triangles by what is connected.
+
+    Args:
+        triangles: (m, 3) int.
+
+    Returns:
+        (m,) int from 0 on, the same for triangles that share points, in the order of the first triangle of each.
+    """
     from scipy.sparse import coo_array  # noqa: PLC0415 - slow to import, and scenes rarely need it
     from scipy.sparse.csgraph import connected_components  # noqa: PLC0415
 
@@ -184,7 +160,10 @@ def _connect(triangles: np.ndarray) -> np.ndarray:
 
 
 def _label(triangles: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(m,) int, the shell of each triangle: those that share points, or where these are open, coinciding ones."""
+    """The shell of each triangle, (m,) int from 0 on.
+
+    Triangles make a shell that share points, or where that leaves them open, points that coincide.
+    """
     labels = _connect(triangles)
     if labels.max() == 0:
         return labels
@@ -196,7 +175,7 @@ def _label(triangles: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def _hashes(corners: np.ndarray) -> np.ndarray:
-    """(m,) uint64, the same for triangles of the same points."""
+    """A hash of each triangle, (m,) uint64, which does not depend on the order of its corners."""
     mixed = np.zeros(len(corners), dtype=np.uint64)
     for column in np.sort(corners, axis=1).astype(np.uint64).T:
         mixed = (mixed ^ (column + np.uint64(0x9E3779B97F4A7C15))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -204,8 +183,8 @@ def _hashes(corners: np.ndarray) -> np.ndarray:
     return mixed
 
 
-def _are_doubled(corners: np.ndarray, labels: np.ndarray) -> np.ndarray:
-    """(m,) bool, the triangles that are there facing both ways within their shell, pair by pair."""
+def _find_doubled(corners: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """The triangles that are there twice in their shell, facing both ways, pair by pair: (m,) bool."""
     doubled = np.zeros(len(corners), dtype=bool)
     hashes = _hashes(corners)
     order = np.argsort(hashes)
@@ -225,28 +204,35 @@ def _are_doubled(corners: np.ndarray, labels: np.ndarray) -> np.ndarray:
 
 
 def _bounds_of(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corners, (m, 3) each, of triangles, (m, 3, 3)."""
+    """The boxes around triangles, (m, 3, 3): lowest and highest corners, (m, 3) each."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
 class _Parts:
-    """Parts of a mesh by the labels of its triangles."""
+    """Parts of a mesh by the labels of its triangles.
 
-    def __init__(self, points: np.ndarray, triangles: np.ndarray, labels: np.ndarray, is_left: np.ndarray) -> None:
-        self.points, self.triangles, self.labels, self.is_left = points, triangles, labels, is_left
+    Args:
+        points: (n, 3) float64.
+        triangles: (m, 3) int.
+        labels: (m,) int from 0 on.
+        is_kept: (m,) bool, the triangles that belong to a part; the others bound nothing.
+    """
+
+    def __init__(self, points: np.ndarray, triangles: np.ndarray, labels: np.ndarray, is_kept: np.ndarray) -> None:
+        self.points, self.triangles, self.labels, self.is_kept = points, triangles, labels, is_kept
         self.count = int(labels.max()) + 1
-        left = np.flatnonzero(is_left)
-        self._order = left[np.argsort(labels[left], kind="stable")]
+        kept = np.flatnonzero(is_kept)
+        self._order = kept[np.argsort(labels[kept], kind="stable")]
         self._begins = np.searchsorted(labels[self._order], np.arange(self.count + 1))
 
     def of(self, label: int) -> np.ndarray:
-        """(k, 3), its triangles."""
+        """The triangles of one part, (k, 3) int."""
         return self.triangles[self._order[self._begins[label] : self._begins[label + 1]]]
 
     @cached_property
     def boxes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest corners, (labels, 3) each; inside out of what has no triangles."""
+        """Lowest and highest corners, (labels, 3) float64 each; inside out of what has no triangles."""
         low, high = np.full((self.count, 3), np.inf), np.full((self.count, 3), -np.inf)
         has_some = np.diff(self._begins) > 0
         if has_some.any():
@@ -270,17 +256,17 @@ class _Parts:
         return np.where(np.abs(six_fold) > 3 * FLAT * doubled_area * diagonal, six_fold, 0.0) / 6
 
     @property
-    def flat(self) -> np.ndarray:
-        """(labels,) bool, those that enclose no volume."""
+    def are_flat(self) -> np.ndarray:
+        """The parts that enclose no volume, (labels,) bool."""
         return self.volumes == 0
 
-    def cancelled(self, corners: np.ndarray) -> np.ndarray:
-        """(labels,) bool, those without triangles, and pairs of the same triangles facing both ways."""
+    def find_cancelled(self, corners: np.ndarray) -> np.ndarray:
+        """The parts without triangles, and pairs of parts of the same triangles facing both ways: (labels,) bool."""
         sizes = np.diff(self._begins)
         cancelled = sizes == 0
         if self.count == 1:
             return cancelled
-        # The sum of hashes of the triangles tells parts apart, whatever their order.
+        # Parts of the same triangles have the same sum of hashes, in whatever order the triangles come.
         mixed = _hashes(corners[self._order])
         sums = np.concatenate([[np.uint64(0)], np.cumsum(mixed, dtype=np.uint64)])
         hashes = sums[self._begins[1:]] - sums[self._begins[:-1]]
@@ -295,9 +281,14 @@ class _Parts:
         return cancelled
 
     def find_cavities(self, is_shell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(labels,) int, the shell that each is a part of: itself, or of a cavity the smallest around it.
+        """Which shells are cavities, and of which others.
 
-        And (labels,) bool, those that face inwards with nothing around them.
+        Args:
+            is_shell: (labels,) bool, the parts that are looked at.
+
+        Returns:
+            (labels,) int, the shell that each belongs to: itself, or of a cavity the smallest shell around it; and
+            (labels,) bool, the shells that face inwards with nothing around them.
         """
         around, turned = np.arange(self.count), is_shell & (self.volumes < 0)
         if not turned.any():
@@ -310,33 +301,33 @@ class _Parts:
         candidates = candidates[holds & (high[outer] >= high[inner]).all(axis=1)]
         is_many = len(candidates) > MANY_PAIRS
         for inside, outside in candidates[np.argsort(self.volumes[candidates[:, 1]], kind="stable")].tolist():
-            if turned[inside] and (is_many or self._holds(outside, self._point_before(inside))):
+            if turned[inside] and (is_many or self._encloses(outside, self._point_in_front(inside))):
                 around[inside], turned[inside] = outside, False
         return around, turned
 
     def _pairs(self, labels: np.ndarray, margin: float) -> np.ndarray:
-        """(k, 2) int, those of these labels whose boxes, widened by a margin, overlap or touch."""
+        """Pairs of these labels whose boxes, widened by a margin, overlap or touch: (k, 2) int."""
         low, high = self.boxes[0][labels] - margin, self.boxes[1][labels] + margin
         if len(labels) < 2:
             return np.zeros((0, 2), dtype=np.int64)
         return np.concatenate([np.stack([labels[i], labels[j]], axis=1) for i, j in meeting_boxes(low, high)])
 
     def merged(self, around: np.ndarray) -> _Parts:
-        """The bodies: shells with their cavities."""
+        """The bodies: shells together with their cavities, where `around` is as from `find_cavities`."""
         if np.array_equal(around, np.arange(self.count)):
             return self
-        return _Parts(self.points, self.triangles, around[self.labels], self.is_left)
+        return _Parts(self.points, self.triangles, around[self.labels], self.is_kept)
 
-    def color(self, is_body: np.ndarray) -> np.ndarray:
-        """(labels,) int, a group for each body, of which those of the same lie apart."""
+    def color_groups(self, is_body: np.ndarray) -> np.ndarray:
+        """Colours bodies greedily, so that those of one group lie apart: (labels,) int, the group of each."""
         neighbours: dict[int, set[int]] = {}
         colors = np.zeros(self.count, dtype=np.int64)
         bodies = np.flatnonzero(is_body)
-        margin = ROUNDING * np.abs([side[bodies] for side in self.boxes]).max(initial=0)
+        margin = CONTACT_ROUNDING * np.abs([side[bodies] for side in self.boxes]).max(initial=0)
         found = self._pairs(bodies, margin)
         is_many = len(found) > MANY_PAIRS
         for a, b in map(tuple, found.tolist()):
-            if is_many or self._meet(a, b, margin):
+            if is_many or self._touch(a, b, margin):
                 neighbours.setdefault(a, set()).add(b)
                 neighbours.setdefault(b, set()).add(a)
         for body in sorted(neighbours):
@@ -344,7 +335,7 @@ class _Parts:
             colors[body] = next(color for color in range(len(taken) + 1) if color not in taken)
         return colors
 
-    def _meet(self, a: int, b: int, margin: float) -> bool:
+    def _touch(self, a: int, b: int, margin: float) -> bool:
         """True where two bodies overlap, or may touch: where the boxes of two of their triangles do."""
         (low_a, low_b), (high_a, high_b) = self.boxes[0][[a, b]], self.boxes[1][[a, b]]
         low, high = np.maximum(low_a, low_b) - margin, np.minimum(high_a, high_b) + margin
@@ -359,15 +350,16 @@ class _Parts:
             for i, j in meeting_boxes(lows - margin, highs + margin):
                 if (is_of_a[i] != is_of_a[j]).any():
                     return True
-        return self._holds(a, corners[1][0, 0]) or self._holds(b, corners[0][0, 0])
+        return self._encloses(a, corners[1][0, 0]) or self._encloses(b, corners[0][0, 0])
 
-    def _point_before(self, label: int) -> np.ndarray:
-        """(3,), close to the largest triangle of a shell, on the side that it faces."""
+    def _point_in_front(self, label: int) -> np.ndarray:
+        """A point close to the largest triangle of a shell, on the side that it faces: (3,) float64."""
         a, b, c = self.points[self.of(label)].transpose(1, 0, 2)
         normals = np.cross(b - a, c - a)
         sizes = np.linalg.norm(normals, axis=1)
         at = int(np.argmax(sizes))
         return (a + b + c)[at] / 3 + 1e-3 * normals[at] / np.sqrt(sizes[at])
 
-    def _holds(self, body: int, point: np.ndarray) -> bool:
+    def _encloses(self, body: int, point: np.ndarray) -> bool:
+        """True where a point, (3,) float64, lies in a body."""
         return winding_number(self.points, self.of(body), point) > 0.5
