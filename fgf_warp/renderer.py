@@ -20,7 +20,7 @@ import warp as wp
 from fgf_warp import __version__
 from fgf_warp.bvh import load_builder
 from fgf_warp.errors import ConfigError, NumericalError
-from fgf_warp.features import required_features
+from fgf_warp.features import RenderFeatures, required_features
 from fgf_warp.headers import load_on_cpu
 from fgf_warp.integrator import NOT_SEEN, Counts, Film, Program, Round, build_program
 from fgf_warp.locks import hold
@@ -175,7 +175,8 @@ def build_model(scene: Scene, settings: RenderSettings, variants: Sequence[Varia
     """
     images = tuple(variants) if variants is not None else (Variant(scene.media, settings.seed),)
     check_memory(settings, len(images))
-    program = prepare(scene.with_media(images[0].media), settings)
+    scene = scene.with_media(images[0].media)  # What is frozen decides which shells are bodies of their own.
+    program = prepare(scene, settings)
     media, seeds = [image.media for image in images], [image.seed for image in images]
     uploaded = upload(scene, settings, media, seeds, shading=program.features.shading)
     return Model(scene, settings, images, program, uploaded)
@@ -196,7 +197,13 @@ def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings,
     """
     check_memory(settings, together)
     at_once = together * int(memory_in_force(settings) * GIB // (together * image_bytes(settings)))
-    for _, group in groupby(variants, lambda variant: required_features(scene.with_media(variant.media), settings)):
+
+    def kind(variant: Variant) -> tuple[RenderFeatures, list[bool]]:
+        """The same for images that one kernel renders with one set of bodies."""
+        features = required_features(scene.with_media(variant.media), settings)
+        return features, [medium.freezes_paths for medium in variant.media]
+
+    for _, group in groupby(variants, kind):
         images = list(group)
         for first in range(0, len(images), at_once):
             yield build_model(scene, settings, images[first : first + at_once])
