@@ -156,6 +156,24 @@ def test_a_name_is_looked_into_once_for_all_prims_of_a_type(monkeypatch) -> None
     assert len(context.notes.entries()) == 10_000
 
 
+def test_relationships_that_are_named_like_operations_are_told(read) -> None:
+    prim = 'def Sphere "P"\n{\nrel xformOp:scale = </P>\n}\n'
+    assert read(prim).warnings == ("/P.xformOp:scale is not read: xformOpOrder does not name it",)
+
+
+@pytest.mark.parametrize("kind", ["unknown[]", "unknown"])
+def test_an_order_of_another_type_is_left_out(read, kind: str) -> None:
+    """Neither USD nor this reader makes anything of it."""
+    value = '["xformOp:scale"]' if "[" in kind else '"xformOp:scale"'
+    ball = f'def Sphere "P"\n{{\nfloat3 xformOp:scale = (2, 2, 2)\nuniform {kind} xformOpOrder = {value}\n}}\n'
+    order, scale = read(ball).warnings
+    assert order.startswith("/P.xformOpOrder = ")
+    assert order.endswith("; accepted: an array of tokens; it is left out")
+    assert scale == "/P.xformOp:scale is not read: xformOpOrder does not name it"
+    with pytest.raises(SceneError, match=r"/P.xformOpOrder = .*; accepted: an array of tokens"):
+        read(ball, strict=True)
+
+
 # Variants
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, UsdRender, Vt
+from pxr import Sdf, Usd, UsdGeom, UsdRender
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import CONFORM_POLICIES, ConformPolicy
@@ -17,6 +17,7 @@ from usd_scenes.reader.attributes import (
     read_mended,
     read_mended_flag,
     read_mended_token,
+    read_words,
 )
 from usd_scenes.reader.context import StageContext
 
@@ -204,7 +205,7 @@ def _read_purposes(settings: Usd.Prim, context: StageContext) -> tuple[str, ...]
     attribute = settings.GetAttribute("includedPurposes")
     if not is_authored(attribute):
         return None
-    asked = _words(attribute, context)
+    asked = read_words(attribute, context, context.time)
     known = tuple(purpose for purpose in map(str.lower, asked) if purpose in PURPOSES)
     if unknown := [purpose for purpose in asked if purpose not in PURPOSES]:
         # Without any purpose nothing would be seen.
@@ -237,15 +238,6 @@ def _camera_path(prim: Usd.Prim, context: StageContext) -> str | None:
     return str(targets[0])
 
 
-def _words(attribute: Usd.Attribute, context: StageContext) -> tuple[str, ...]:
-    """An array of tokens; none, with a warning, where it is something else."""
-    value = attribute.Get(context.time) if attribute else None
-    if value is None or isinstance(value, Vt.TokenArray | Vt.StringArray):
-        return tuple(value or ())
-    context.mend(f"= {value}; accepted: an array of tokens; it is left out", attribute.GetPath())
-    return ()
-
-
 def _targets(prim: Usd.Prim, name: str) -> list[Sdf.Path]:
     relationship = prim.GetRelationship(name)
     return list(relationship.GetForwardedTargets()) if relationship else []
@@ -260,7 +252,7 @@ def _numbers(attribute: Usd.Attribute, time: Usd.TimeCode, count: int, dtype: ty
 
 def _note_what_is_not_read(settings: Usd.Prim, context: StageContext) -> None:
     purposes = settings.GetAttribute("materialBindingPurposes")
-    asked = tuple("" if purpose == "allPurpose" else purpose for purpose in _words(purposes, context))
+    asked = tuple("" if purpose == "allPurpose" else purpose for purpose in read_words(purposes, context, context.time))
     if asked not in (FULL_BINDING, FULL_BINDING[:1]) and (asked != ("",) or _has_full_binding(context.stage)):
         context.notes.add("materials are those bound for the purpose full, whatever it says", purposes.GetPath())
     space = settings.GetAttribute("renderingColorSpace")

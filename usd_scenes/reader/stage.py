@@ -7,6 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 from pxr import Usd, UsdGeom, UsdShade, UsdSkel
 
 from fgf_warp.errors import FgfError, SceneError
@@ -254,6 +255,7 @@ def stage_context(stage: Usd.Stage, frame: Frame | None = None, policy: Policy |
     return StageContext(stage=stage, time=time, purposes=DEFAULT_PURPOSES, policy=policy or Policy())
 
 
+@np.errstate(all="ignore")  # What overflows is found where it is not finite.
 def _read(
     stage: Usd.Stage,
     source: str,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from pxr import Gf, Sdf, Sdr, Tf, Usd, UsdGeom, UsdLux, UsdShade
 
-from usd_scenes.reader.attributes import is_authored
+from usd_scenes.reader.attributes import is_authored, read_words
 from usd_scenes.reader.context import StageContext
 
 GEOMETRY = (
@@ -159,7 +159,7 @@ class PropertyCheck:
         """Tells of operations that do not move the prim, and of those that it is to be moved by and does not have."""
         authored = [name for name in names if name.startswith(OPS)]
         order = prim.GetAttribute(OP_ORDER)
-        listed = [str(name) for name in order.Get() or ()] if order and is_authored(order) else []
+        listed = read_words(order, self._context, Usd.TimeCode.Default()) if order and is_authored(order) else ()
         if not authored and not listed:
             return
         used = {name.removeprefix(INVERSE) for name in listed} if prim.IsA(UsdGeom.Xformable) else set[str]()
@@ -233,7 +233,9 @@ def _is_there(path: Sdf.Path, stage: Usd.Stage) -> bool:
 
 
 def _moves(operation: Usd.Attribute, time: Usd.TimeCode) -> bool:
-    """False of an operation that leaves everything where it is."""
+    """False of an operation that leaves everything where it is; true of a relationship that has such a name."""
+    if not operation:
+        return True
     try:
         return bool(UsdGeom.XformOp(operation).GetOpTransform(time) != Gf.Matrix4d(1))
     except Tf.ErrorException:
