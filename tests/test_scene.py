@@ -4,7 +4,20 @@ import numpy as np
 import pytest
 
 from fgf_warp.errors import SceneError
-from fgf_warp.scene import AreaLight, Camera, DomeLight, Medium, Mesh, Scene, Solid, SphereLight
+from fgf_warp.scene import (
+    AreaLight,
+    Camera,
+    DistantLight,
+    DomeLight,
+    Instances,
+    Medium,
+    Mesh,
+    MeshLight,
+    Scene,
+    Shaping,
+    Solid,
+    SphereLight,
+)
 from fgf_warp.theory.phase import eval_draine, eval_hg, eval_two_lobe
 from tests.scenes import furnace, transform
 
@@ -148,3 +161,55 @@ def test_a_film_too_wide_for_its_lens_is_refused():
     with pytest.raises(SceneError, match=accepted):
         Camera("/c", np.eye(4), focal_length=42.0, vertical_aperture=1e11)
     assert Camera("/c", np.eye(4), vertical_aperture=1e11, projection="orthographic").vertical_aperture == 1e11
+
+
+POINTS = np.eye(3)
+TRIANGLES = np.array([[0, 1, 2], [0, 2, 1]])
+PLACES = np.tile(np.eye(4)[:3], (4, 1, 1))
+
+
+def flattened(places, index):
+    places = places.copy()
+    places[index, 0] = 0
+    return places
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Mesh("/m", POINTS[:, :2], TRIANGLES), r"/m: points must be a finite \(n, 3\) array"),
+        (
+            lambda: Mesh("/m", POINTS, TRIANGLES, normals=np.zeros((3, 3, 3))),
+            r"/m: normals must be a finite \(2, 3, 3\) array",
+        ),
+        (
+            lambda: Mesh("/m", POINTS, TRIANGLES, primvars={"st": np.zeros((3, 1, 2))}),
+            r"/m: primvar 'st' has the shape \(3, 1, 2\); accepted: \(1, 1, k\), \(2, 1, k\) and \(2, 3, k\)$",
+        ),
+        (
+            lambda: Instances("/i", Mesh("/m", POINTS, TRIANGLES), PLACES, primvars={"a": np.zeros((3, 1))}),
+            r"/i: primvar 'a' has the shape \(3, 1\); accepted: \(4, k\)$",
+        ),
+        (
+            lambda: Instances("/i", Mesh("/m", POINTS, TRIANGLES), PLACES, flattened(PLACES, 2)),
+            r"/i: closing\[2\] is of no use; accepted: finite, invertible",
+        ),
+        (
+            lambda: Instances("/i", Mesh("/m", POINTS, TRIANGLES), PLACES, PLACES[:3]),
+            r"/i: closing must be an \(n, 3, 4\) array, with n > 0 the same for all",
+        ),
+        (
+            lambda: Solid("/ball", "sphere", np.eye(4), closing=np.zeros((4, 4))),
+            "/ball: closing must be a finite, invertible 4x4 matrix",
+        ),
+        (
+            lambda: MeshLight("/lamp", np.zeros((2, 3, 2)), (1, 1, 1)),
+            r"/lamp: corners must be a finite \(m, 3, 3\) array",
+        ),
+        (lambda: DistantLight("/sun", (0, 0, -2), 0.0, (1, 1, 1)), r"/sun: \|direction\| = 2; accepted: 1$"),
+        (lambda: Shaping((0, 0, 0.5)), r"shaping: \|axis\| = 0.5; accepted: 1$"),
+    ],
+)
+def test_arrays_and_vectors_are_of_the_shape_that_is_told(make, message):
+    with pytest.raises(SceneError, match=message):
+        make()

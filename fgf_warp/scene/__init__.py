@@ -8,13 +8,7 @@ Everything here is imported from `fgf_warp.scene` itself, but for the arithmetic
 """
 
 from fgf_warp.scene.boxes import boxes_meet
-from fgf_warp.scene.camera import (
-    CONFORM_POLICIES,
-    PROJECTIONS,
-    Camera,
-    ConformPolicy,
-    Projection,
-)
+from fgf_warp.scene.camera import CONFORM_POLICIES, PROJECTIONS, Camera, ConformPolicy, Projection
 from fgf_warp.scene.lights import (
     MAX_LINKS,
     AreaLight,
@@ -27,19 +21,8 @@ from fgf_warp.scene.lights import (
     Shaping,
     SphereLight,
 )
-from fgf_warp.scene.medium import (
-    PHASE_FUNCTIONS,
-    PHASE_PARAMETERS,
-    Medium,
-    PhaseFunction,
-)
-from fgf_warp.scene.mesh import (
-    DOUBLED_FACES,
-    INWARD_SHELL,
-    NO_VOLUME,
-    Mesh,
-    count_open_edges,
-)
+from fgf_warp.scene.medium import PHASE_FUNCTIONS, PHASE_PARAMETERS, Medium, PhaseFunction
+from fgf_warp.scene.mesh import DOUBLED_FACES, INWARD_SHELL, NO_VOLUME, Mesh, count_open_edges
 from fgf_warp.scene.placements import unit_axes
 from fgf_warp.scene.scene import Scene
 from fgf_warp.scene.shapes import (
@@ -59,29 +42,9 @@ from fgf_warp.scene.shapes import (
     solids_in_tree,
 )
 from fgf_warp.scene.shells import winding_number
-from fgf_warp.scene.surface import (
-    ColorInput,
-    FloatInput,
-    PrimvarInput,
-    Surface,
-    lets_light_through,
-)
-from fgf_warp.scene.textures import (
-    IDENTITY_ST,
-    WRAPS,
-    Image,
-    Texture,
-    TextureInput,
-    Wrap,
-)
-from fgf_warp.scene.values import (
-    BLACK,
-    FLOAT32_MAX,
-    WHITE,
-    Rgb,
-    Vec3,
-    Vec4,
-)
+from fgf_warp.scene.surface import ColorInput, FloatInput, PrimvarInput, Surface, lets_light_through
+from fgf_warp.scene.textures import IDENTITY_ST, WRAPS, Image, Texture, TextureInput, Wrap
+from fgf_warp.scene.values import BLACK, FLOAT32_MAX, WHITE, Rgb, Vec3, Vec4
 from fgf_warp.theory.choices import LINE_VARIANCES, TRANSPORTS, LineVariance, Transport
 
 __all__ = [

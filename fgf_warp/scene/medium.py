@@ -58,11 +58,12 @@ class Medium:
         hurst: Hurst exponent H; -0.5 is white noise. Domain: section 3 of the theory, see `build_line_law`.
         white_noise_scale: S_w [stage unit^(-2-2H)], >= 0; 0 is the classical exponential.
         outer_scale: L [stage unit], > 0; needed where H > 0, not used elsewhere.
-        kappa: authored directly, in [0, 1e8]; it then replaces the value that follows from S_w.
+        kappa: in [0, 1e8], in place of the value that follows from S_w; None takes that.
         extinction_color: multiplies `mean_extinction` per channel, >= 0. A channel of factor 0 is empty space.
-        transport: None chooses reciprocal where H >= -1/2 and renewal below, the only one there.
-        line_variance: ``exact`` where 0 < H < 1 takes the variance of each segment's own length, ``asymptotic`` that of
-            segments far below L; elsewhere both are the same, but for H > 1, where only the latter is known.
+        transport: ``reciprocal``, ``renewal`` or ``mixed``; None takes reciprocal where H >= -1/2, and below it
+            renewal, the only one there.
+        line_variance: where 0 < H < 1, ``exact`` takes the variance at each segment's own length, and ``asymptotic``
+            that of segments far below L. Elsewhere both are the same, but for H > 1, where only the latter is known.
         priority: of nested media, the one with the highest priority fills the space.
 
     Raises:
@@ -134,9 +135,9 @@ class Medium:
     def line_law(self) -> LineLaw:
         """The law whose regime, b and kappa this medium is labelled by.
 
-        Where the channels are equal, it is the law in force: that of any channel, whose `LineLaw.mean_extinction`
-        is `mean_extinction` times the factor. A chromatic medium has no such single law; this is then the one at
-        `mean_extinction`, as for a white `extinction_color`.
+        Where the channels are equal, it is the law in force: that of any channel, at `mean_extinction` times the
+        factor. A chromatic medium has no such single law; this is then the one at `mean_extinction`, as for a white
+        `extinction_color`.
         """
         return self._law_at(self.mean_extinction) if self.is_chromatic else self.channel_laws[0]
 
