@@ -101,16 +101,16 @@ class Mesh:
         return tuple(self._part(self._shells.groups == group) for group in range(self._shells.count))
 
     @property
-    def lone_count(self) -> int:
-        """Number of `lone_bodies`, which need not be made to be counted."""
+    def separate_count(self) -> int:
+        """Number of `separate_bodies`, which need not be made to be counted."""
         return self._shells.body_count if self._is_crossed else 1
 
     @cached_property
-    def lone_bodies(self) -> tuple[Mesh, ...]:
+    def separate_bodies(self) -> tuple[Mesh, ...]:
         """The mesh itself, or where several shells of it lie apart, a mesh of each with its cavities."""
-        if self.lone_count == 1:
+        if self.separate_count == 1:
             return (self,)
-        return tuple(self._part(self._shells.bodies == body, own_points=True) for body in range(self.lone_count))
+        return tuple(self._part(self._shells.bodies == body, own_points=True) for body in range(self.separate_count))
 
     def _part(self, is_part: np.ndarray, *, own_points: bool = False) -> Mesh:
         """Some shells as a mesh of their own.

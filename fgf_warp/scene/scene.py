@@ -18,8 +18,8 @@ from fgf_warp.scene.shapes import (
     MAX_CONTAINERS,
     Shape,
     bodies_of,
-    lone_bodies_of,
-    lone_count,
+    separate_bodies_of,
+    separate_count,
     moves,
     shape_bounds,
     shape_widths,
@@ -41,7 +41,7 @@ class Scene:
     Args:
         camera: where the picture is taken from.
         shapes: surfaces and boundaries of media; of meshes of media their `bodies_of`, and of those whose medium
-            freezes paths their `lone_bodies_of`, as long as `MAX_CONTAINERS` allow.
+            freezes paths their `separate_bodies_of`, as long as `MAX_CONTAINERS` allow.
         media: those that shapes are filled with, which name them by index.
         lights: the scene's light sources.
         meters_per_unit: of the stage, > 0; carried into the headers of files.
@@ -66,7 +66,9 @@ class Scene:
         bodies = tuple(body for shape in self.shapes for body in bodies_of(shape))
         if parted := _shapes_to_part(bodies, self.media):
             bodies = tuple(
-                body for k, shape in enumerate(bodies) for body in (lone_bodies_of(shape) if k in parted else (shape,))
+                body
+                for k, shape in enumerate(bodies)
+                for body in (separate_bodies_of(shape) if k in parted else (shape,))
             )
         if bodies != self.shapes:  # Else the same tuple stays, by which one sees that another scene's are the same.
             object.__setattr__(self, "shapes", bodies)
@@ -121,8 +123,8 @@ class Scene:
 
     @cached_property
     def _of_several_shells(self) -> tuple[int, ...]:
-        """Indices of shapes that are filled with a medium and have several `lone_bodies_of`."""
-        return tuple(k for k, shape in enumerate(self.shapes) if shape.medium is not None and lone_count(shape) > 1)
+        """Indices of shapes that are filled with a medium and have several `separate_bodies_of`."""
+        return tuple(k for k, shape in enumerate(self.shapes) if shape.medium is not None and separate_count(shape) > 1)
 
     def medium_extent(self, index: int) -> float | None:
         """The longest side of the bounding boxes of the shapes that a medium fills [stage unit]; None of none."""
@@ -256,7 +258,7 @@ def _shapes_to_part(shapes: Sequence[Shape], media: Sequence[Medium]) -> set[int
         return set()
     found, room = set(), MAX_CONTAINERS - sum(shape.medium is not None for shape in shapes)
     for k, shape in enumerate(shapes):
-        more = lone_count(shape) - 1 if shape.medium in freezing else 0
+        more = separate_count(shape) - 1 if shape.medium in freezing else 0
         if 0 < more <= room:
             found.add(k)
             room -= more

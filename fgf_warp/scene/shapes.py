@@ -235,16 +235,16 @@ def bodies_of(shape: Shape) -> tuple[Shape, ...]:
     return (shape,) if mesh is None else _in_its_place(shape, mesh.bodies)
 
 
-def lone_count(shape: Shape) -> int:
-    """Number of `lone_bodies_of` a shape."""
+def separate_count(shape: Shape) -> int:
+    """Number of `separate_bodies_of` a shape."""
     mesh = _mesh_of(shape)
-    return 1 if mesh is None else mesh.lone_count
+    return 1 if mesh is None else mesh.separate_count
 
 
-def lone_bodies_of(shape: Shape) -> tuple[Shape, ...]:
-    """The shape itself, or in place of a mesh of several shells, the `Mesh.lone_bodies` of it."""
+def separate_bodies_of(shape: Shape) -> tuple[Shape, ...]:
+    """The shape itself, or in place of a mesh of several shells, the `Mesh.separate_bodies` of it."""
     mesh = _mesh_of(shape)
-    return (shape,) if mesh is None else _in_its_place(shape, mesh.lone_bodies)
+    return (shape,) if mesh is None else _in_its_place(shape, mesh.separate_bodies)
 
 
 def _mesh_of(shape: Shape) -> Mesh | None:
