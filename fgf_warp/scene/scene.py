@@ -18,9 +18,9 @@ from fgf_warp.scene.shapes import (
     MAX_CONTAINERS,
     Shape,
     bodies_of,
+    moves,
     separate_bodies_of,
     separate_count,
-    moves,
     shape_bounds,
     shape_widths,
 )
