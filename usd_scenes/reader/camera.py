@@ -155,8 +155,12 @@ def default_camera(shapes: Iterable[Shape], up_axis: str) -> Camera:
     return Camera(name=DEFAULT_CAMERA, camera_to_world=look_at(eye, center, up))
 
 
+@np.errstate(all="ignore")
 def look_at(eye: np.ndarray, target: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """(4, 4) camera-to-world matrix of a camera at `eye` that looks at `target`."""
+    """(4, 4) camera-to-world matrix of a camera at `eye` that looks at `target`.
+
+    It is not finite where there is no such camera, as where the two coincide in float64, and no `Camera` takes it then.
+    """
     backward = (eye - target) / np.linalg.norm(eye - target)
     right = _cross(up, backward)
     right /= np.linalg.norm(right)
