@@ -99,6 +99,9 @@ def nearest(front: Front, features: Mapping[str, Any]) -> list[Pair]:
     Args:
         front: what was measured.
         features: of the scene, see `generators.tradeoff.features`.
+
+    Returns:
+        At most `NEIGHBOURS`, of the same regime of the law, and none farther away than `FAR`.
     """
     if "regime" not in features:
         return []
@@ -108,7 +111,15 @@ def nearest(front: Front, features: Mapping[str, Any]) -> list[Pair]:
 
 
 def distance(one: Mapping[str, Any], other: Mapping[str, Any]) -> float:
-    """How far apart two scenes are in their features."""
+    """How far apart two scenes are in their features.
+
+    Args:
+        one: see `generators.tradeoff.features`; with a regime.
+        other: likewise.
+
+    Returns:
+        >= 0; a difference of 0.25 in H alone is 1, and so are those of the other features beside `UNIT_H`.
+    """
     return math.dist(_place(one), _place(other))
 
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Unpack
 
 from fgf_warp.errors import ConfigError, SceneError
 from fgf_warp.scene import Camera, Scene
 from fgf_warp.settings import Aov
 
 if TYPE_CHECKING:
-    from usd_scenes.reader import Edits, OpenStages, StageReading
+    from usd_scenes.reader import Edits, OpenStages, ReadOptions, StageReading
 
 DEFAULT_WIDTH = 960
 """[pixel], of a stage without a resolution; as of usdrecord."""
@@ -62,54 +62,35 @@ class BaseScene:
 def load_scene(
     path: Path,
     *,
-    camera: str | None = None,
-    frame: float | Literal["default"] | None = None,
-    purposes: Sequence[str] | None = None,
-    complexity: str = "high",
-    strict: bool = False,
-    render_settings: str | None = None,
-    product: str | None = None,
-    edits: Edits | None = None,
-    stages: OpenStages | None = None,
     width: int | None = None,
     height: int | None = None,
+    edits: Edits | None = None,
+    stages: OpenStages | None = None,
+    **options: Unpack[ReadOptions],
 ) -> BaseScene:
     """Reads a USD stage.
 
     Args:
         path: of the stage.
-        camera: prim path or name; None takes the render settings', else the first (with a warning where there are
-            several), else a view from the front.
-        frame: time code, or ``default``; None takes the stage's startTimeCode, else each attribute's earliest sample.
-        purposes: of the geometry to include; None takes the render settings', else ``default`` and ``render``.
-        complexity: how far surfaces are subdivided, ``low``, ``medium``, ``high`` or ``veryhigh``.
-        strict: True where what is missing is an error instead of a warning.
-        render_settings: prim path; None takes those that the stage names, else the first.
-        product: prim path of the RenderProduct; None takes the settings' first.
+        width: [pixel], >= 1; see `image_size`.
+        height: [pixel], >= 1.
         edits: values in place of the stage's, see `usd_scenes.reader.Edits`.
         stages: that have been entered, and keep what was read last, see `usd_scenes.reader.read_scene`.
-        width: [pixel]; see `image_size`.
-        height: [pixel].
+        **options: what is asked of the stage, see `usd_scenes.reader.ReadOptions`.
+
+    Returns:
+        The scene with the size of its images, and the warnings of both.
 
     Raises:
-        SceneError: for a missing, broken or unsuitable stage.
+        NoStageError: where there is none.
+        SceneError: for a broken or unsuitable stage.
         UnsupportedFeatureError: for one that asks for more than the renderer does.
+        ConfigError: for a size below one pixel.
     """
     check_stage(path)
     from usd_scenes.reader import read_scene  # noqa: PLC0415 - USD is slow to import
 
-    reading = read_scene(
-        path,
-        camera=camera,
-        frame=frame,
-        purposes=purposes,
-        complexity=complexity,
-        strict=strict,
-        render_settings=render_settings,
-        product=product,
-        edits=edits,
-        stages=stages,
-    )
+    reading = read_scene(path, edits=edits, stages=stages, **options)
     base, warnings = base_scene(reading, width, height)
     return replace(base, warnings=(*reading.warnings, *warnings))
 
@@ -118,6 +99,9 @@ def base_scene(
     reading: StageReading, width: int | None = None, height: int | None = None
 ) -> tuple[BaseScene, list[str]]:
     """What was read, with the size of its images, and what is to be said of it beside the reading's own warnings.
+
+    Returns:
+        The scene, whose warnings are those of the reading, and the further ones, one text each.
 
     Raises:
         ConfigError: for a size below one pixel.

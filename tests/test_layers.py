@@ -210,3 +210,31 @@ def test_imports_start_nothing(imported, absent):
     code = f"import sys, {imported}; print([m for m in {absent!r} if m in sys.modules])"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
+
+
+def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """The modules that reach themselves by what they import: each group of those that reach one another, sorted."""
+    reached = {module: set(names) for module, names in graph.items()}
+    for middle in graph:
+        for names in reached.values():
+            if middle in names:
+                names.update(reached[middle])
+    groups = {tuple(sorted(n for n in reached[m] if m in reached[n])) for m in graph if m in reached[m]}
+    return [list(group) for group in sorted(groups)]
+
+
+def test_no_files_import_each_other():
+    """Directly or in a circle, wherever in a file the import is written.
+
+    An import inside a function, or for type checkers alone, breaks no import at run time, yet whoever reads one of the
+    files must know the other, so both count. A package's `__init__` counts for those who import a name of its own, not
+    for those who import a module below it.
+    """
+    files = {module_name(path): path for path in SOURCES}
+    graph = {module: imports(path) & files.keys() for module, path in files.items()}
+    assert not circles(graph)
+
+
+def test_circles_are_found():
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"b", "e"}, "d": {"d"}, "e": set()}
+    assert circles(graph) == [["b", "c"], ["d"]]

@@ -35,6 +35,9 @@ def check_images(dataset: Dataset, index: int) -> list[Finding]:
     Args:
         dataset: that it belongs to.
         index: of the sample.
+
+    Returns:
+        A finding for each file that is damaged; none where all is as it should be.
     """
     folder, record = dataset.folders[index], dataset.record(index)
     with scratch_folder() as scratch:

@@ -58,6 +58,9 @@ def check_published(dataset: Dataset, there: Collection[str], samples: Samples) 
         dataset: that they belong to.
         there: names of the dataset's files.
         samples: what was found of them.
+
+    Returns:
+        What is missing, and what is damaged or not made of the samples that are there.
     """
     return [*_absent(dataset, there, samples), *_wrong(dataset, there, samples)]
 

@@ -28,6 +28,9 @@ def check_sample(dataset: Dataset, index: int, sizes: Mapping[str, int]) -> list
         dataset: that it belongs to.
         index: of the sample.
         sizes: of the files in its folder [byte], by name.
+
+    Returns:
+        A finding for each file that is missing, damaged or not as the record says.
     """
     return list(_findings(dataset, index, sizes))
 

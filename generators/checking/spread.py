@@ -26,6 +26,9 @@ def check_spread(dataset: Dataset, failed: Sequence[int]) -> list[Finding]:
         dataset: whose plan it is.
         failed: indices of the samples that could not be rendered. Where they crowd at one end of an axis, what is left
             is not spread as planned (Kolmogorov and Smirnov's test).
+
+    Returns:
+        Wrong seeds and values by sample, and axes at one end of which failures crowd.
     """
     return [*_wrong_seeds(dataset), *_wrong_values(dataset), *_crowded(dataset, failed)]
 

@@ -114,6 +114,9 @@ def parse_share(option: str, text: str) -> float:
 def choose_frames(spec: str | None, *, default_time: bool) -> Sequence[Frame | None]:
     """The times to read a stage at; None is where it starts.
 
+    Returns:
+        At least one, in the order in which they are named.
+
     Raises:
         ConfigError: for what is no list of frames, or one beside the default time.
     """

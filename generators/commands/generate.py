@@ -21,7 +21,7 @@ from generators.commands.common import (
     start_warp,
     warn,
 )
-from generators.commands.numbers import whole
+from generators.commands.numbers import whole_option
 from generators.commands.plan import make_plan
 
 if TYPE_CHECKING:
@@ -38,50 +38,48 @@ SAMPLE_MAX = 999_999
 """As names of six digits number."""
 
 
+Config = Annotated[str, typer.Argument(metavar="CONFIG", help="The dataset's YAML file, or a dataset to go on with.")]
+Out = Annotated[
+    str | None,
+    typer.Option("--out", metavar="DIR_OR_URL", help="Where to, in place of the config's: a folder, or s3://..."),
+]
+Part = Annotated[str, typer.Option(metavar="I/N", help="Only part I of N, from 0; other parts may be made meanwhile.")]
+Samples = Annotated[
+    list[int] | None,
+    whole_option(
+        "--sample", 0, SAMPLE_MAX, "Only this sample, repeatable, such as to look at it again.", metavar="INDEX"
+    ),
+]
+Executor = Annotated[str, typer.Option(help="Who renders: local; ray, a cluster of Ray; slurm, an array of jobs.")]
+WorkerCount = Annotated[
+    int | None,
+    whole_option(
+        "--workers",
+        1,
+        WORKERS_MAX,
+        "Processes that render; default: local 1, with all cores; ray as many as there is room for; slurm 1.",
+    ),
+]
+CoreCount = Annotated[
+    int | None,
+    whole_option("--cores", 1, WORKERS_MAX, "Of each worker; default: local an equal part of all, ray and slurm 1."),
+]
+SlurmOptions = Annotated[
+    list[str] | None,
+    typer.Option("--slurm", metavar="KEY=VALUE", help="Option of sbatch, repeatable, such as partition=cpu."),
+]
+
+
 def generate(
-    config: Annotated[
-        str,
-        typer.Argument(metavar="CONFIG", help="The dataset's YAML file, or a dataset to go on with."),
-    ],
+    config: Config,
     overrides: Overrides = None,
-    out: Annotated[
-        str | None,
-        typer.Option("--out", metavar="DIR_OR_URL", help="Where to, in place of the config's: a folder, or s3://..."),
-    ] = None,
-    shard: Annotated[
-        str, typer.Option(metavar="I/N", help="Only part I of N, from 0; other parts may be made meanwhile.")
-    ] = "0/1",
-    sample: Annotated[
-        list[int] | None,
-        typer.Option(
-            metavar="INDEX",
-            parser=whole("--sample", 0, SAMPLE_MAX),
-            help="Only this sample, repeatable, such as to look at it again.",
-        ),
-    ] = None,
-    executor: Annotated[
-        str, typer.Option(help="Who renders: local; ray, a cluster of Ray; slurm, an array of jobs.")
-    ] = "local",
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            parser=whole("--workers", 1, WORKERS_MAX),
-            help="Processes that render; default: local 1, with all cores; ray as many as there is room for; slurm 1.",
-        ),
-    ] = None,
-    cores: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            parser=whole("--cores", 1, WORKERS_MAX),
-            help="Of each worker; default: local an equal part of all, ray and slurm 1.",
-        ),
-    ] = None,
-    slurm: Annotated[
-        list[str] | None,
-        typer.Option("--slurm", metavar="KEY=VALUE", help="Option of sbatch, repeatable, such as partition=cpu."),
-    ] = None,
+    out: Out = None,
+    shard: Part = "0/1",
+    sample: Samples = None,
+    executor: Executor = "local",
+    workers: WorkerCount = None,
+    cores: CoreCount = None,
+    slurm: SlurmOptions = None,
     device: Device = "cpu",
     memory: Memory = RenderSettings.memory,
 ) -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
+
+import typer
 
 from fgf_warp.errors import ConfigError
 from generators.wording import shortened
@@ -35,6 +38,26 @@ def whole(option: str, lowest: int, highest: int) -> Callable[[str], int]:
         return value
 
     return parse
+
+
+def whole_option(
+    name: str, lowest: int, highest: int, text: str, *, short: str | None = None, metavar: str = "N"
+) -> Any:
+    """An option that takes an integer.
+
+    Args:
+        name: of the option, with its dashes.
+        lowest: accepted.
+        highest: accepted.
+        text: its help.
+        short: another name.
+        metavar: what stands for the number in the help.
+
+    Returns:
+        What Typer finds in the annotation of a parameter.
+    """
+    names = (name,) if short is None else (name, short)
+    return typer.Option(*names, metavar=metavar, parser=whole(name, lowest, highest), help=text)
 
 
 def number(option: str, accepted: str, holds: Callable[[float], bool]) -> Callable[[str], float]:

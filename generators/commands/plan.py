@@ -77,7 +77,16 @@ def schema() -> None:
 
 
 def make_plan(config: str | Path, overrides: list[str] | None, device: str) -> tuple[LoadedConfig, Plan]:
-    """Reads a config, or that of a dataset, and plans it, with a bar where that takes a while."""
+    """Reads a config, or that of a dataset, and plans it, with a bar where that takes a while.
+
+    Args:
+        config: a YAML file, or the location of a dataset.
+        overrides: each ``key.key=value``, or None.
+        device: a Warp device name.
+
+    Returns:
+        The config as it is in force, and its plan, of which every sample has been checked.
+    """
     from generators.dataset import layout  # noqa: PLC0415
     from generators.dataset.scene_files import config_file  # noqa: PLC0415
     from generators.dataset.store import Store  # noqa: PLC0415

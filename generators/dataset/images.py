@@ -36,6 +36,9 @@ def decode_channels(content: bytes, name: str) -> dict[str, np.ndarray]:
         content: of the file.
         name: of the file, for the error.
 
+    Returns:
+        Each (height, width) float32, by name.
+
     Raises:
         CorruptFileError: where it is damaged.
     """
@@ -54,6 +57,9 @@ def choose_shown(samples: Sequence[int], most: int) -> list[int]:
 
     They are cut into as many stretches, and one is drawn of each: at equal distances, some values of an axis that
     repeats along the samples would have no picture at all.
+
+    Returns:
+        At most `most` of them, in their order; the same ones each time.
     """
     if len(samples) <= most:
         return list(samples)

@@ -117,6 +117,9 @@ def read_plan(content: bytes, name: str) -> tuple[PlanMeta, pa.Table]:
         content: of the file.
         name: of the file, for the error.
 
+    Returns:
+        What the samples share, and one row for each, by index.
+
     Raises:
         CorruptFileError: where it is something else.
     """

@@ -110,7 +110,11 @@ Note = TypeVar("Note", Record, Timing, Failure)
 
 
 def file_entry(content: bytes) -> FileEntry:
-    """Size and hash of a file's content."""
+    """Size and hash of a file's content.
+
+    Returns:
+        Size [byte], and SHA-256 in hexadecimal.
+    """
     return FileEntry(len(content), hashlib.sha256(content).hexdigest())
 
 

@@ -34,6 +34,9 @@ def make_thumbnails(dataset: Dataset, indices: Sequence[int], progress: Progress
         indices: of complete samples.
         progress: see `Progress`.
 
+    Returns:
+        By index; each a ``data:`` URI of a small picture.
+
     Raises:
         CorruptFileError: where an image cannot be read.
     """

@@ -37,7 +37,11 @@ class Estimate:
         return Estimate(self.mean - other.mean, self.variance + other.variance)
 
     def blocks(self, size: int = BLOCK) -> Estimate:
-        """The means over blocks of size x size pixels; size divides width and height."""
+        """The means over blocks of size x size pixels; size divides width and height.
+
+        Returns:
+            (height / size, width / size), with the variance of those means.
+        """
         height, width = self.mean.shape
         shape = (height // size, size, width // size, size)
         return Estimate(
@@ -71,7 +75,11 @@ class Agreement:
 
     @property
     def chi_square_p(self) -> float:
-        """Probability of a sum of squared z as large as this, or larger, by chance."""
+        """Probability of a sum of squared z as large as this, or larger, by chance.
+
+        Returns:
+            In [0, 1], with one degree of freedom for each block that has noise.
+        """
         return float(stats.chi2.sf(np.sum(self.noisy_z**2), self.noisy_z.size))
 
     @property
@@ -81,7 +89,11 @@ class Agreement:
 
     @property
     def mean_p(self) -> float:
-        """Probability of a difference of the means as large as this, or larger, by chance."""
+        """Probability of a difference of the means as large as this, or larger, by chance.
+
+        Returns:
+            In [0, 1], of both sides.
+        """
         return float(2 * stats.norm.sf(abs(self.mean_z)))
 
     @property
@@ -96,17 +108,30 @@ class Agreement:
 
 
 def estimate_of(result: RenderResult) -> Estimate:
-    """The channel of a render that is compared; its sampler must be the independent one."""
+    """The channel of a render that is compared; its sampler must be the independent one.
+
+    Returns:
+        (height, width) of the green channel, with the variance of each pixel.
+    """
     return Estimate(result.radiance[..., GREEN].astype(np.float64), result.variance[..., GREEN].astype(np.float64))
 
 
 def extrapolate(near: Estimate, far: Estimate) -> Estimate:
-    """The image at b = 0 from those at b and 2b, as a straight line."""
+    """The image at b = 0 from those at b and 2b, as a straight line.
+
+    Returns:
+        Twice the near one less the far one, with the variance of that: they must be independent.
+    """
     return Estimate(2 * near.mean - far.mean, 4 * near.variance + far.variance)
 
 
 def compare(found: Estimate, expected: Estimate) -> Agreement:
-    """Compares two independent estimates, block by block and in their means."""
+    """Compares two independent estimates, block by block and in their means.
+
+    Args:
+        found: of which `BLOCK` divides width and height.
+        expected: of the same size.
+    """
     difference = found - expected
     block, scale = difference.blocks(), np.abs(expected.blocks().mean)
     error = np.sqrt(block.variance)

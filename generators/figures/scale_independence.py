@@ -61,7 +61,11 @@ def draw(shots: Sequence[Shot]) -> Chapter:
 
 
 def measured_order(hurst: float) -> float:
-    """d ln|R - 1| / d ln tau between tau = 1e-8 and 1e-7."""
+    """d ln|R - 1| / d ln tau between tau = 1e-8 and 1e-7.
+
+    Returns:
+        A number without a unit; by the theory the power of tau that R - 1 falls with.
+    """
     near, far = np.log(np.abs(variance_ratio(hurst, np.array([1e-8, 1e-7])) - 1))
     return float((far - near) / np.log(10))
 

@@ -33,6 +33,9 @@ def picture_sheet(
         rows: a label beside each row; may be empty.
         notes: a line below each picture.
         exposure: [stop].
+
+    Returns:
+        The content of a PNG file.
     """
     height, width, _ = pictures[0][0].shape
     factor = -(-SMALLEST // width)

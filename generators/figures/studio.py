@@ -57,6 +57,9 @@ def shoot(
         media: to take its place.
         settings: of every picture.
         progress: called with the number of pictures done, the begun ones by their share.
+
+    Returns:
+        One for each medium, in their order.
     """
     from fgf_warp.renderer import Variant, render_batch  # noqa: PLC0415 - starts Warp
 
@@ -86,7 +89,11 @@ def describe_ball(medium: Medium) -> str:
 
 
 def transmittance_through(medium: Medium) -> float:
-    """Of the ray through the middle of the ball."""
+    """Of the ray through the middle of the ball.
+
+    Returns:
+        In [0, 1], from surface to surface.
+    """
     rule = medium.line_law
     return float(transmittance_ss(rule.b, rule.kappa, BALL_DIAMETER * rule.mean_extinction))
 

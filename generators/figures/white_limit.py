@@ -150,6 +150,9 @@ def compare_all(estimates: dict[str, Estimate]) -> list[Comparison]:
 
     Args:
         estimates: by name, as `WHITE`, `PREDICTED`, and `labelled` for the others.
+
+    Returns:
+        In the order of the table, each with what the theory expects of it.
     """
     white, predicted = estimates[WHITE], estimates[PREDICTED]
     found = {

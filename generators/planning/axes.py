@@ -125,7 +125,11 @@ class GridConfig(Model):
         return spacing[2]
 
     def grid_values(self) -> tuple[float | str, ...]:
-        """The values of an axis on the grid, in order."""
+        """The values of an axis on the grid, in order.
+
+        Returns:
+            Numbers in the unit of the axis, rounded to what tells them apart, or names.
+        """
         if self.values is not None:
             return tuple(self.values)
         if self.linspace is not None:
@@ -176,7 +180,11 @@ class AxisConfig(GridConfig):
         return not self.is_random and self.expression is None
 
     def value_at(self, quantile: float) -> float:
-        """The value of a random axis below which a share `quantile` in [0, 1) of all draws lies."""
+        """The value of a random axis below which a share `quantile` in [0, 1) of all draws lies.
+
+        Returns:
+            A finite number in the unit of the axis.
+        """
         if self.uniform is not None:
             low, high = self.uniform
             return low + (high - low) * quantile

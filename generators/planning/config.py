@@ -121,7 +121,11 @@ class SplitsConfig(Model):
 
     @property
     def shares(self) -> dict[str, float]:
-        """By split."""
+        """By split.
+
+        Returns:
+            Each in [0, 1]; together 1.
+        """
         return {split: getattr(self, split) for split in SPLITS}
 
 

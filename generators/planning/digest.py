@@ -23,7 +23,11 @@ def content_hash(content: Any) -> str:
 
 
 def canonical(value: Any, array: Callable[[np.ndarray], Any] | None = None) -> Any:
-    """A JSON-ready form in which equal content is equal text; arrays by what `array` gives, else by their hash."""
+    """A JSON-ready form in which equal content is equal text; arrays by what `array` gives, else by their hash.
+
+    Returns:
+        Dictionaries with the name of the type, lists, texts and numbers; a float that is not finite is a text.
+    """
     if value is None or isinstance(value, PLAIN):
         return repr(value) if isinstance(value, float) and not math.isfinite(value) else value
     if isinstance(value, np.ndarray):
@@ -41,7 +45,11 @@ def canonical(value: Any, array: Callable[[np.ndarray], Any] | None = None) -> A
 
 
 def canonical_array(array: np.ndarray) -> list[Any]:
-    """Type, shape and hash of an array."""
+    """Type, shape and hash of an array.
+
+    Returns:
+        Name of the type, shape, and SHA-256 in hexadecimal of its bytes.
+    """
     array = np.ascontiguousarray(array)
     return [str(array.dtype), array.shape, hashlib.sha256(array.tobytes()).hexdigest()]
 

@@ -93,6 +93,9 @@ class Expression:
         Args:
             values: of the axes, by name; all `names` among them.
 
+        Returns:
+            A finite number.
+
         Raises:
             ConfigError: where it is no finite number.
         """

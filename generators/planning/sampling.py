@@ -69,6 +69,9 @@ def sample_parameters(loaded: LoadedConfig, sweep: Sweep, progress: Progress) ->
         sweep: its axes.
         progress: called now and then.
 
+    Returns:
+        By the name of the axis, those that follow from an expression among them; each in the unit of its axis.
+
     Raises:
         ConfigError: for too many samples, a constraint that none meets, or an expression without a value.
     """
@@ -130,6 +133,9 @@ def assign_splits(splits: SplitsConfig | None, seed: int, samples: Sequence[Para
         splits: the shares; None puts all into the first split.
         seed: of the dataset.
         samples: their parameters.
+
+    Returns:
+        Names of `SPLITS`, one for each sample.
 
     Raises:
         ConfigError: where there are too few groups for a split to have one.

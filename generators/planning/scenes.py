@@ -59,7 +59,11 @@ class Recipe:
         return tuple(parameters[name] for name in self.targets)
 
     def stage_key(self, key: Key) -> Key:
-        """The part of a key without the orbit: what the stage must be read anew for."""
+        """The part of a key without the orbit: what the stage must be read anew for.
+
+        Returns:
+            The values of targets that are no orbit, in their order.
+        """
         kinds = (target.kind for target in self.targets.values())
         return tuple(value for kind, value in zip(kinds, key, strict=True) if kind != "orbit")
 
@@ -128,6 +132,9 @@ class SceneReader:
     def read(self, key: Key) -> tuple[BaseScene, str]:
         """The scene of a key of `Recipe.key`, and its hash; may be called from any thread.
 
+        Returns:
+            The scene with its camera in place, and the SHA-256 of all that is in it, in hexadecimal.
+
         Raises:
             FgfError: where the stage is not accepted, or not with these values.
         """
@@ -178,6 +185,9 @@ def orbiting(
         azimuth: [degree].
         elevation: [degree].
         distance: [unit].
+
+    Returns:
+        With a (4, 4) `camera_to_world` of its own and no motion.
 
     Raises:
         ConfigError: for an elevation or a distance out of its range.

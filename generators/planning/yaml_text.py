@@ -61,6 +61,9 @@ class YamlTextError(ValueError):
 def parse_yaml(text: str) -> Any:
     """The document in a text, with its comments.
 
+    Returns:
+        Mappings and sequences of ruamel.yaml, which know their lines.
+
     Raises:
         YamlTextError: where it is not valid YAML, or beyond a bound.
     """

@@ -102,6 +102,9 @@ def columns_of(dataset: Dataset, records: Iterable[Record]) -> tuple[Column, ...
     Args:
         dataset: whose plan it is.
         records: of its complete samples.
+
+    Returns:
+        In the order in which they stand in the table.
     """
     records = tuple(records)
     needs = {"reached_error": "error_over", "chosen_settings": "chosen_from"}

@@ -75,6 +75,9 @@ def write_croissant(meta: PlanMeta, index: pa.Table, files: Mapping[str, bytes],
         index: its labels, see `generators.publishing.index`.
         files: contents of those of `FILES` that are there, by name.
         published: the day in ISO 8601; None is today.
+
+    Returns:
+        JSON, indented, in UTF-8.
     """
     splits = [split for split in layout.SPLITS if split in index[SPLIT].to_pylist()]
     document = {
@@ -95,7 +98,11 @@ def write_croissant(meta: PlanMeta, index: pa.Table, files: Mapping[str, bytes],
 
 
 def claimed_hashes(content: bytes) -> dict[str, str]:
-    """What the content of a ``croissant.json`` says of the files of `FILES`, by name; nothing where it is damaged."""
+    """What the content of a ``croissant.json`` says of the files of `FILES`, by name; nothing where it is damaged.
+
+    Returns:
+        SHA-256 in hexadecimal, by name.
+    """
     try:
         found = json.loads(content)
     except (ValueError, RecursionError):

@@ -24,6 +24,9 @@ def build_index(dataset: Dataset, complete: Sequence[int] | None = None) -> pa.T
         dataset: complete or not.
         complete: indices of the samples to take for complete, in order; by default all that are there.
 
+    Returns:
+        A row for each sample of the plan; results are null where it is not complete.
+
     Raises:
         CorruptFileError: for a record that cannot be read, by name.
     """
@@ -64,6 +67,9 @@ def split_labels(index: pa.Table, split: str) -> pa.Table:
     Args:
         index: of `build_index`.
         split: its name.
+
+    Returns:
+        Without the column that says how far a sample is.
     """
     there = index.filter(pc.and_(pc.equal(index[SPLIT], split), pc.equal(index[STATUS], COMPLETE)))
     return there.drop_columns([STATUS])

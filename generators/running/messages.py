@@ -76,6 +76,9 @@ class Executor(Protocol):
     def wait(self) -> list[Message]:
         """What has happened; waits until something has, or for a short while.
 
+        Returns:
+            At times nothing.
+
         Raises:
             FgfError: that a worker met and that the others would meet too, such as a full disk.
         """

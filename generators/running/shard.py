@@ -66,6 +66,9 @@ def samples_of(plan: Plan, shard: Shard) -> list[int]:
 
     Each shard gets as many of each batch, drawn by their seeds, so that all take about equally long, whatever the axes
     do.
+
+    Returns:
+        Each sample of the plan is in one of the `shard.count` shards.
     """
     groups: dict[Hashable, list[int]] = defaultdict(list)
     for sample in plan.samples:
@@ -84,6 +87,14 @@ def _kernel_key(sample: Sample) -> Hashable:
 
 
 def cut_chunks(indices: Sequence[int], count: int) -> list[Chunk]:
-    """Cuts samples into about so many chunks of equal size, in their order."""
+    """Cuts samples into about so many chunks of equal size, in their order.
+
+    Args:
+        indices: of samples.
+        count: >= 1.
+
+    Returns:
+        At most `count`, of which the last may be smaller.
+    """
     size = max(1, -(-len(indices) // count))
     return [Chunk(tuple(indices[first : first + size])) for first in range(0, len(indices), size)]

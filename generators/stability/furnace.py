@@ -221,6 +221,18 @@ def build_medium(
 ) -> Medium:
     """A medium of these parameters, by their short names.
 
+    Args:
+        transport: ``reciprocal``, ``renewal`` or ``mixed``.
+        H: Hurst exponent.
+        S_w: white-noise scale [length^(-2-2H)].
+        sigma_m: mean extinction [1/length], of each channel times `color`.
+        L: outer scale [length], where H > 0.
+        kappa: in place of the value that follows from S_w.
+        g: asymmetry in (-1, 1).
+        albedo: in [0, 1], of every channel.
+        line_variance: ``asymptotic`` or ``exact``.
+        color: >= 0, by channel.
+
     Raises:
         SceneError: where they are not accepted.
     """

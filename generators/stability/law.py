@@ -57,6 +57,9 @@ def measure_law(
         depths: mean optical depths u > 0; u = 0 is measured too, where Tr must be 1.
         device: to evaluate on.
         bounds: c and d of each function, for a bound c + d f(u).
+
+    Returns:
+        Relative errors over (b, kappa, u), and |Tr(0) - 1| over (b, kappa).
     """
     axes = (Axis("b", bs), Axis("kappa", kappas), Axis("u", depths))
     b, kappa, u = _in_float32(axes)
@@ -82,6 +85,9 @@ def measure_flights(bs: tuple[float, ...], kappas: tuple[float, ...], draws: int
         kappas: > 0.
         draws: for each law.
         device: to evaluate on.
+
+    Returns:
+        Relative errors over (b, kappa), the largest of the draws, and the share of flights that escape.
     """
     axes = (Axis("b", bs), Axis("kappa", kappas))
     xi = np.random.default_rng(1).random((draws, 3)).astype(np.float32).astype(np.float64)
@@ -120,6 +126,10 @@ def measure_exact_fbm(grid: ExactGrid, draws: int, device: str) -> list[Measurem
         grid: of its parameters.
         draws: flights of each law.
         device: to evaluate on.
+
+    Returns:
+        Relative errors of the law over the grid, and the largest error of the flights as a share of its bound, over the
+        grid without its lengths.
     """
     axes = (
         Axis("H", grid.hursts),
@@ -190,6 +200,9 @@ def measure_phase(asymmetries: tuple[float, ...], device: str) -> list[Measureme
     Args:
         asymmetries: g in (-1, 1).
         device: to evaluate on.
+
+    Returns:
+        Over (phase function, 1 - cos), (phase function, xi) and (|g|, xi).
     """
     v, xi = np.array(ANGLES), np.array(UNIFORMS, dtype=np.float32)
     cases = _phase_cases(asymmetries)

@@ -76,12 +76,20 @@ class Measurement:
 
     @property
     def bounds(self) -> np.ndarray:
-        """The bound of each value; infinite where there is none."""
+        """The bound of each value; infinite where there is none.
+
+        Returns:
+            Of the shape of the values.
+        """
         return np.broadcast_to(np.inf if self.bound is None else np.asarray(self.bound), self.values.shape)
 
     @property
     def refused(self) -> np.ndarray:
-        """Where the parameters are not accepted."""
+        """Where the parameters are not accepted.
+
+        Returns:
+            bool, of the shape of the values.
+        """
         return np.zeros(self.values.shape, dtype=bool) if self.refusals is None else self.refusals != ""
 
     @property
@@ -92,11 +100,19 @@ class Measurement:
 
     @property
     def outside(self) -> np.ndarray:
-        """Where the bound is not kept."""
+        """Where the bound is not kept.
+
+        Returns:
+            bool, of the shape of the values; False where nothing was measured.
+        """
         return self.shares > 1
 
     def worst(self) -> tuple[int, ...] | None:
-        """Index of the value that is nearest to its bound, or farthest beyond it; None where nothing was measured."""
+        """Index of the value that is nearest to its bound, or farthest beyond it; None where nothing was measured.
+
+        Returns:
+            An index into each axis, in their order.
+        """
         shares = self.shares
         if np.isnan(shares).all():
             return None

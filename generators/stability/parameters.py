@@ -32,6 +32,9 @@ def measure_parameters(
         extinctions: sigma_m at scale 1.
         outer_scales: L at scale 1; None where it is not authored.
         scales: lengths of the scene; all parameters are rescaled by their units, so that kappa must not change.
+
+    Returns:
+        Relative errors of kappa, and kappa itself, over (H, S_w, sigma_m, L, scale).
     """
     axes = (
         Axis("H", hursts),
@@ -74,6 +77,15 @@ def expected_kappa(
     """kappa by the formulas of Guo et al. 2019, supplement, (9) to (14), one by one and without logarithms.
 
     None where section 3 of the theory has the other parameters refused.
+
+    Args:
+        hurst: H.
+        white_noise_scale: S_w [length^(-2-2H)].
+        extinction: sigma_m [1/length].
+        outer_scale: L [length]; None where it is not authored.
+
+    Returns:
+        >= 0, without a unit.
     """
     nearest = max(0, round(hurst))
     if hurst <= HURST_MIN or abs(hurst - nearest) < HURST_GUARD:

@@ -223,6 +223,9 @@ def variations(medium: Medium) -> list[MediumConfig]:
 
     Args:
         medium: of a stage.
+
+    Returns:
+        What differs from the medium of the stage; its own first, which is empty.
     """
     other_g = 0.0 if abs(medium.asymmetry) >= 0.5 else 0.85
     scale = medium.white_noise_scale or 1.0

@@ -75,6 +75,9 @@ class Rung:
 
         Args:
             target: root of the mean squared relative error, > 0.
+
+        Returns:
+            > 0; need not be an integer.
         """
         if self.settings.get("denoise"):
             return self.spp if self.relative_rmse <= target else None

@@ -86,6 +86,9 @@ def list_subjects(loaded: LoadedTradeoff) -> tuple[list[Subject], list[str]]:
     Args:
         loaded: the config.
 
+    Returns:
+        For each stage a subject for each medium that the config asks for; and the warnings, which begin with the stage.
+
     Raises:
         FgfError: where a stage cannot be read, or its media cannot be as the config says.
     """

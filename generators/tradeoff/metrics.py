@@ -81,6 +81,9 @@ def relative_standard_error(parts: np.ndarray) -> float:
 
     Args:
         parts: (n, height, width, 3) radiance, n >= 2.
+
+    Returns:
+        >= 0; relative to blocks, see `bright_blocks`.
     """
     scale = relative_weights(parts.mean(axis=0, dtype=np.float64))
     return float(np.sqrt(_squared_noise(parts * scale) / len(parts)))
@@ -98,7 +101,11 @@ def relative_weights(reference: np.ndarray) -> np.ndarray:
 
 
 def bright_blocks(reference: np.ndarray) -> np.ndarray:
-    """(height, width, 1) radiance to which errors are relative: the mean of a pixel's block, if it is not too dark."""
+    """(height, width, 1) radiance to which errors are relative: the mean of a pixel's block, if it is not too dark.
+
+    Args:
+        reference: (height, width, 3) radiance.
+    """
     inverse, _ = block_errors(reference, np.ones_like(reference))
     return _per_pixel(1 / inverse, reference.shape)
 

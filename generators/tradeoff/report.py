@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable
 from pathlib import Path
 from statistics import geometric_mean
 from typing import Any
@@ -12,15 +11,14 @@ from typing import Any
 import matplotlib as mpl
 import matplotlib.image
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from fgf_warp.output.color import to_display
-from generators.plots import DIVERGING, image_bytes, new_figure, plot_style
+from generators.plots import DIVERGING, plot_style
 from generators.report import Figure, Gallery, Section, Table, Verdict, write_report
 from generators.tradeoff.front import BASE, Front, Pair, Rung
 from generators.tradeoff.measure import Measured, Outcome
 from generators.tradeoff.metrics import relative_difference
+from generators.tradeoff.plots import PRESETS_SHOWN, bias_plot, draw_front, per_megapixel, rung_names, trade_plot
 
 TARGETS = (0.10, 0.05, 0.02, 0.01)
 """Relative errors that people ask for."""
@@ -28,36 +26,7 @@ ERROR_SHOWN = 0.2
 """Relative error at which the colours of the error pictures end."""
 REFERENCE_MARGIN = 4.0
 """The reference's error should be so many times below any that is measured against it."""
-PRESETS_SHOWN = ("preview", BASE)
 MEDIUM_COLUMNS = ("H", "g", "S_w", "sigma_m")
-FAMILIES: dict[str, tuple[str, str, tuple[int, int]]] = {
-    "spp": ("samples per pixel", "#1f5fae", (-3, -11)),
-    "sampler": ("sampler", "#d98200", (-4, 7)),
-    "max_depth": ("maximum depth", "#b3261e", (-9, 5)),
-    "roulette_depth": ("roulette depth", "#1a7f4e", (5, -3)),
-    "similarity_order": ("similarity order", "#7a3fb5", (4, 4)),
-    "transport": ("transport", "#008c9e", (4, 4)),
-    "line_variance": ("line variance", "#8a6d3b", (4, 4)),
-    "upscale": ("upscaling", "#c2418f", (4, 4)),
-    "denoise": ("denoising", "#5b6470", (4, -9)),
-}
-"""Name and colour of each knob, and where its labels are beside their marks [point], so that few are on others."""
-PRESETS_LOOK = ("presets", "#111111", (6, 5))
-
-
-@dataclass(frozen=True)
-class Point:
-    """A rung in a plot.
-
-    Args:
-        rung: that it stands for.
-        time: [s/Mpixel].
-        error: > 0.
-    """
-
-    rung: Rung
-    time: float
-    error: float
 
 
 def write_tradeoff_report(outcome: Outcome, path: Path, command: str) -> None:
@@ -80,22 +49,6 @@ def write_tradeoff_report(outcome: Outcome, path: Path, command: str) -> None:
             _method(outcome, command),
         ]
     write_report(path, title="Time against error", lead=_lead(front), sections=sections, verdict=_verdict(front))
-
-
-def draw_front(front: Front) -> bytes:
-    """The leading figure as SVG: every choice of settings on the way from quick to accurate, over all pairs."""
-    with plot_style():
-        figure = new_figure(7.2, 4.8)
-        axes = figure.add_subplot()
-        points = _mean_points(front)
-        if points:
-            _draw_points(axes, points)
-            _draw_more_samples(axes, points)
-            _percent_axis(axes, points)
-            axes.legend(loc="upper right", fontsize=8)
-        axes.set_ylabel("relative error, by blocks of 8 x 8 pixels")
-        axes.set_title(f"Mean of {len(front.pairs)} scenes and media: left and low is good", loc="left")
-        return image_bytes(figure)
 
 
 # ---- words and tables
@@ -156,7 +109,7 @@ def _overview(front: Front) -> Section:
 
 def _rung_table(front: Front) -> Table:
     rows = []
-    for name in _rung_names(front):
+    for name in rung_names(front):
         rungs = [rung for pair in front.pairs for rung in pair.rungs if rung.name == name]
         bases = [pair.rung(BASE) for pair in front.pairs for rung in pair.rungs if rung.name == name]
         gains = [rung.efficiency for rung in rungs if rung.efficiency is not None]
@@ -184,7 +137,7 @@ def _rung_table(front: Front) -> Table:
 
 def _kept(front: Front) -> Section:
     media = [tuple(_shown(pair.medium.get(key)) for key in MEDIUM_COLUMNS) for pair in front.pairs]
-    names = [name for name in PRESETS_SHOWN if name in _rung_names(front)]
+    names = [name for name in PRESETS_SHOWN if name in rung_names(front)]
     return Section(
         "What keeps which error",
         (),
@@ -224,7 +177,7 @@ def _cheapest(pair: Pair, target: float, pixels: int) -> str:
         return "none"
     seconds, rung = min(found, key=lambda one: one[0])
     spp = max(round(rung.spp_for(target) or 0), 1)
-    return f"{_setting_text(rung)}: {spp} spp, {_per_megapixel(seconds, pixels):.3g} s"
+    return f"{_setting_text(rung)}: {spp} spp, {per_megapixel(seconds, pixels):.3g} s"
 
 
 def _setting_text(rung: Rung) -> str:
@@ -286,9 +239,9 @@ def _pair_section(front: Front, one: Measured) -> Section:
                 "Time and error",
                 "Marks on the line are the best at their time. Bars of the bias are its 95 % interval.",
                 (
-                    Figure("Relative MSE", "", _trade_plot(front, pair, lambda rung: rung.relative_mse), "svg"),
-                    Figure("RMSE", "In units of radiance.", _trade_plot(front, pair, lambda rung: rung.rmse), "svg"),
-                    Figure("Bias", "Signed mean, relative.", _bias_plot(pair), "svg"),
+                    Figure("Relative MSE", "", trade_plot(front, pair, lambda rung: rung.relative_mse), "svg"),
+                    Figure("RMSE", "In units of radiance.", trade_plot(front, pair, lambda rung: rung.rmse), "svg"),
+                    Figure("Bias", "Signed mean, relative.", bias_plot(pair), "svg"),
                 ),
                 330,
             ),
@@ -310,7 +263,7 @@ def _pair_table(front: Front, pair: Pair) -> Table:
             (
                 f"{rung.name}{' *' if rung.pareto else ''}",
                 f"{rung.spp}",
-                f"{_per_megapixel(rung.seconds, front.pixels):.3g}",
+                f"{per_megapixel(rung.seconds, front.pixels):.3g}",
                 f"{rung.rmse:.2e}",
                 f"{rung.relative_mse:.2e}",
                 f"{rung.noise:.2%}",
@@ -361,130 +314,6 @@ def _png(pixels: np.ndarray) -> bytes:
     with io.BytesIO() as file:
         matplotlib.image.imsave(file, pixels, format="png")
         return file.getvalue()
-
-
-# ---- plots
-
-
-def _trade_plot(front: Front, pair: Pair, error_of: Callable[[Rung], float]) -> bytes:
-    figure = new_figure(4.4, 3.4)
-    axes = figure.add_subplot()
-    points = [
-        Point(rung, _per_megapixel(rung.seconds, front.pixels), error_of(rung))
-        for rung in pair.rungs
-        if error_of(rung) > 0
-    ]
-    if points:
-        _draw_points(axes, points)
-    else:
-        axes.text(0.5, 0.5, "no error at all", ha="center", transform=axes.transAxes)
-    return image_bytes(figure)
-
-
-def _draw_points(axes: Axes, points: Sequence[Point]) -> None:
-    """Marks coloured by what they change, and the line through those that nothing beats."""
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    best = sorted((p for p in points if not any(_beats(other, p) for other in points)), key=lambda p: p.time)
-    axes.plot([p.time for p in best], [p.error for p in best], color="#9aa4b2", linewidth=2.5, zorder=1)
-    named: set[str] = set()
-    for point in points:
-        family, color, place = _family(point.rung)
-        axes.plot(
-            point.time,
-            point.error,
-            marker="D" if family == "presets" else "o",
-            markersize=6,
-            linestyle="",
-            color=color,
-            label=None if family in named else family,
-            zorder=3,
-        )
-        named.add(family)
-        axes.annotate(
-            _label(point.rung),
-            (point.time, point.error),
-            xytext=place,
-            textcoords="offset points",
-            fontsize=7.5,
-            color=color,
-        )
-    axes.margins(0.12)
-    axes.set_xlabel("CPU time [s / million pixels]")
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-
-
-def _draw_more_samples(axes: Axes, points: Sequence[Point]) -> None:
-    base = next(point for point in points if point.rung.name == BASE)
-    times = np.array([min(point.time for point in points) / 1.5, max(point.time for point in points) * 1.5])
-    errors = base.error * np.sqrt(base.time / times)
-    axes.plot(times, errors, "--", color="#6b7685", linewidth=1, zorder=0, label="balanced, fewer or more samples")
-
-
-def _bias_plot(pair: Pair) -> bytes:
-    figure = new_figure(4.4, 3.4)
-    axes = figure.add_subplot()
-    for row, rung in enumerate(reversed(pair.rungs)):
-        _, color, _ = _family(rung)
-        axes.plot([rung.bias_low, rung.bias_high], [row, row], color=color, linewidth=2)
-        axes.plot(rung.bias, row, "o", color=color, markersize=4)
-    axes.axvline(0.0, color="#1d2430", linewidth=0.8)
-    axes.set_yticks(range(len(pair.rungs)), [rung.name for rung in reversed(pair.rungs)], fontsize=8)
-    axes.set_xscale("symlog", linthresh=0.005)
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.1%}"))
-    axes.tick_params(axis="x", labelsize=7.5)
-    return image_bytes(figure)
-
-
-def _percent_axis(axes: Axes, points: Sequence[Point]) -> None:
-    low, high = min(point.error for point in points) / 1.4, max(point.error for point in points) * 1.4
-    ticks = [tick for tick in (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0) if low <= tick <= high]
-    axes.set_yticks(ticks, [f"{tick:.0%}" if tick >= 0.01 else f"{tick:.1%}" for tick in ticks])
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set_ylim(low, high)
-
-
-def _mean_points(front: Front) -> list[Point]:
-    """Of every rung, over the pairs that have it and where nothing is without error; as ratios to balanced."""
-    pairs = [pair for pair in front.pairs if all(rung.relative_rmse > 0 for rung in pair.rungs)]
-    if not pairs:
-        return []
-    bases = [pair.rung(BASE) for pair in pairs]
-    time = geometric_mean([_per_megapixel(base.seconds, front.pixels) for base in bases])
-    error = geometric_mean([base.relative_rmse for base in bases])
-    points = []
-    for name in _rung_names(front):
-        found = [(rung, pair.rung(BASE)) for pair in pairs for rung in pair.rungs if rung.name == name]
-        if found:
-            slower = geometric_mean([rung.seconds / base.seconds for rung, base in found])
-            worse = geometric_mean([rung.relative_rmse / base.relative_rmse for rung, base in found])
-            points.append(Point(found[0][0], time * slower, error * worse))
-    return points
-
-
-def _beats(one: Point, other: Point) -> bool:
-    return one.time <= other.time and one.error <= other.error and (one.time, one.error) != (other.time, other.error)
-
-
-def _family(rung: Rung) -> tuple[str, str, tuple[int, int]]:
-    changed = [name for name in rung.settings if name != "spp"] or list(rung.settings)
-    return FAMILIES[changed[0]] if len(changed) == 1 and rung.name not in PRESETS_SHOWN else PRESETS_LOOK
-
-
-def _label(rung: Rung) -> str:
-    """Short where the colour says the rest: the value of the one setting that is changed."""
-    (value, *others) = rung.settings.values() or (True,)
-    return rung.name if others or value is True or rung.name in PRESETS_SHOWN else str(value)
-
-
-def _rung_names(front: Front) -> list[str]:
-    """In the order of the ladder; some pairs have rungs that others have not."""
-    return list(dict.fromkeys(rung.name for pair in front.pairs for rung in pair.rungs))
-
-
-def _per_megapixel(seconds: float, pixels: int) -> float:
-    return seconds / pixels**2 * 1e6
 
 
 def _median(values: Iterable[float]) -> float:

@@ -25,7 +25,8 @@ def write(outcome: Outcome, folder: Path, command: str) -> list[Path]:
     Raises:
         OutputError: where one cannot be written.
     """
-    from generators.tradeoff.report import draw_front, write_tradeoff_report  # noqa: PLC0415 - slow to import
+    from generators.tradeoff.plots import draw_front  # noqa: PLC0415 - slow to import
+    from generators.tradeoff.report import write_tradeoff_report  # noqa: PLC0415
 
     write_front(folder / NUMBERS, outcome.front)
     write_bytes(folder / FIGURE, draw_front(outcome.front))

@@ -1,8 +1,8 @@
 """`python -m tests.benchmarks.same_pictures BEFORE AFTER`: whether two source trees render the same, to the byte.
 
-Renders all of the stages of the first tree with both, each in a process of its own, with each of the transports and
-with no planes, the usual ones and all; tells which arrays differ, and how far. With ``--time`` it then renders without
-planes in turn, and tells the ratio of the seconds of the processor.
+Renders every row of `pictures` with both, each in a process of its own, and tells which arrays differ, and how far.
+With ``--time`` it then renders the scenes A, B, C and S of `scenes` in turn, and tells the ratio of the seconds of the
+processor that a path takes.
 """
 
 from __future__ import annotations
@@ -10,26 +10,28 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import statistics
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
-from fgf_warp.theory.choices import TRANSPORTS
+from tests.benchmarks import scenes
+from tests.benchmarks.pictures import PICTURES, Picture
 from tests.benchmarks.report import processor
 
-WIDTH, SPP = 64, 4
-TIMED_WIDTH, TIMED_SPP = 128, 32
-OWN = "its own"
-CASES = [(transport, "none") for transport in TRANSPORTS] + [(OWN, "usual"), (OWN, "all")]
+SIZE = {"width": 48, "height": 48, "spp": 4}
+TIMED_SPP = {"A": 64, "B": 16, "C": 32, "S": 4}
+"""About a million paths each, and four of the sweep's 256 images: a second or two of one core."""
 
 
 class Tree:
-    """A process that renders with a source tree.
+    """A process that renders with a source tree; it starts when it is first asked.
 
     Args:
         path: of the checkout.
@@ -37,45 +39,42 @@ class Tree:
 
     def __init__(self, path: Path) -> None:
         self.path = path.resolve()
-        self._process = subprocess.Popen(
-            [sys.executable, Path(__file__).with_name("one_tree.py")],
-            env={**os.environ, "PYTHONPATH": str(self.path)},
-            cwd=self.path,
-            text=True,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-        )
+        self._process: subprocess.Popen[str] | None = None
 
-    def render(
-        self, stage: Path, transport: str, planes: str, file: Path | None, width: int = WIDTH, spp: int = SPP
-    ) -> float:
-        """Seconds of the processor.
+    def render(self, asked: dict[str, object], file: Path | None = None) -> float:
+        """Seconds of the processor a path.
+
+        Args:
+            asked: see `one_tree.answer`.
+            file: that its arrays are written to.
 
         Raises:
             RuntimeError: for what the renderer refused.
         """
-        asked = {
-            "stage": str(stage),
-            "transport": None if transport == OWN else transport,
-            "planes": planes,
-            "file": str(file or ""),
-            "width": width,
-            "spp": spp,
-        }
-        self._process.stdin.write(json.dumps(asked) + "\n")
+        if self._process is None:
+            self._process = subprocess.Popen(
+                [sys.executable, Path(__file__).with_name("one_tree.py")],
+                env={**os.environ, "PYTHONPATH": str(self.path)},
+                cwd=self.path,
+                text=True,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+            )
+        self._process.stdin.write(json.dumps({**asked, "file": str(file or "")}) + "\n")
         self._process.stdin.flush()
         answer = self._process.stdout.readline()
         found = json.loads(answer or '{"error": "the process ended"}')
         if "error" in found:
-            raise RuntimeError(f"{self.path}: {stage.name}: {found['error']}")
+            raise RuntimeError(f"{self.path}: {found['error']}")
         if Path(found["tree"]) != self.path:
             raise RuntimeError(f"{found['tree']} was imported in place of {self.path}")
-        return found["seconds"]
+        return found["seconds"] / found["paths"]
 
     def close(self) -> None:
         """Ends the process."""
-        self._process.stdin.close()
-        self._process.wait()
+        if self._process is not None:
+            self._process.stdin.close()
+            self._process.wait()
 
 
 def differences(before: Path, after: Path) -> Iterator[str]:
@@ -92,38 +91,78 @@ def differences(before: Path, after: Path) -> Iterator[str]:
             yield f"{name}: {int(apart.sum())} of {apart.size} numbers, by {furthest:.3g} at most"
 
 
-def compare(trees: tuple[Tree, Tree], stages: list[Path]) -> int:
-    """Number of renders that differ; says what does."""
+def asked_of(picture: Picture, stages: Path) -> dict[str, object]:
+    """What `one_tree` is asked for."""
+    scene = str(stages / picture.scene) if picture.scene.endswith(".usda") else picture.scene
+    return {**asdict(picture), "scene": scene, "settings": {**SIZE, **picture.settings}}
+
+
+def compare(before: Tree, after: Tree, pictures: list[Picture], kept: Path) -> int:
+    """Number of pictures that differ or are refused; says what does.
+
+    Args:
+        before: renders what is not in the folder yet.
+        after: renders all.
+        pictures: that are compared.
+        kept: a folder of what the first tree rendered.
+    """
+    stages = before.path / "usd_scenes" / "stages"
     count = 0
-    with tempfile.TemporaryDirectory() as folder:
-        files = Path(folder) / "before.npz", Path(folder) / "after.npz"
-        for stage in stages:
-            for transport, planes in CASES:
-                for tree, file in zip(trees, files, strict=True):
-                    tree.render(stage, transport, planes, file)
-                found = [*differences(*files)]
-                count += bool(found)
-                print(
-                    f"{stage.stem}, {transport} transport, {planes} planes: {'; '.join(found) or 'equal to the byte'}",
-                    flush=True,
-                )
+    for picture in pictures:
+        asked = asked_of(picture, stages)
+        file, other = kept / f"{picture.name}.npz", kept / f"after-{os.getpid()}.npz"
+        try:
+            if not file.exists():
+                before.render(asked, file)
+            after.render(asked, other)
+            found = [*differences(file, other)]
+        except RuntimeError as error:
+            found = [str(error)]
+        other.unlink(missing_ok=True)
+        count += bool(found)
+        print(f"{picture.name}: {'; '.join(found) or 'equal to the byte'}", flush=True)
+    print(f"{len(pictures) - count} of {len(pictures)} pictures are equal to the byte")
     return count
 
 
-def measure(trees: tuple[Tree, Tree], stages: list[Path], pairs: int) -> None:
-    """Says the ratio of the seconds that both take, by pairs whose order alternates."""
-    print(f"{processor()}, {pairs} pairs of {TIMED_WIDTH} x {TIMED_WIDTH} pixels, {TIMED_SPP} samples each")
+def timed(folder: Path) -> dict[str, dict[str, object]]:
+    """What `one_tree` is asked for of the scenes A, B, C and S, whose stages are written into the folder."""
+    bounds = {"max_depth": scenes.SHORT.max_depth, "roulette_depth": scenes.SHORT.roulette_depth}
+    asked = {}
+    for name, spp in TIMED_SPP.items():
+        size = asdict(scenes.IMAGES[name])
+        stage = str(scenes.author(name, folder))
+        settings = {**size, **bounds, "spp": spp, "threads": 1}
+        asked[name] = {"scene": stage, "medium": {}, "settings": settings, "planes": "none", "by": "image"}
+    media = scenes.sweep_media()
+    values = [{"mean_extinction": m.mean_extinction, "albedo": m.albedo, "asymmetry": m.asymmetry} for m in media]
+    asked["S"] |= {"by": "batch", "media": values}
+    return asked
+
+
+def measure(trees: tuple[Tree, Tree], pairs: int) -> None:
+    """Says the ratio of the seconds a path that both take, by pairs whose order alternates.
+
+    Beside the median of the pairs it says the ratio of the least seconds, which other work disturbs less.
+    """
+    print(f"{processor()}, {pairs} pairs of each scene, seconds of the processor a path")
     every = []
-    for stage in stages:
-        ratios = []
-        for pair in range(-1, pairs):  # The first pair builds what has to be built.
-            order = trees if pair % 2 else trees[::-1]
-            seconds = {tree: tree.render(stage, OWN, "none", None, TIMED_WIDTH, TIMED_SPP) for tree in order}
-            if pair >= 0:
-                ratios.append(seconds[trees[1]] / seconds[trees[0]])
-        every.append(statistics.median(ratios))
-        low, _, high = statistics.quantiles(ratios)
-        print(f"{stage.stem}: after / before = {every[-1]:.3f} (quartiles {low:.3f} and {high:.3f})", flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        for name, asked in timed(Path(folder)).items():
+            took: list[tuple[float, float]] = []
+            for pair in range(-1, pairs):  # The first pair builds what has to be built.
+                seconds = {tree: tree.render(asked) for tree in (trees if pair % 2 else trees[::-1])}
+                if pair >= 0:
+                    took.append((seconds[trees[0]], seconds[trees[1]]))
+            ratios = [after / before for before, after in took]
+            every.append(statistics.median(ratios))
+            low, _, high = statistics.quantiles(ratios)
+            least_before, least_after = map(min, zip(*took, strict=True))
+            print(
+                f"{name}: after / before = {every[-1]:.3f} (quartiles {low:.3f} and {high:.3f}), "
+                f"of the least {least_after / least_before:.3f}",
+                flush=True,
+            )
     print(f"all: {statistics.geometric_mean(every):.3f}")
 
 
@@ -132,15 +171,22 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.same_pictures", description=__doc__)
     parser.add_argument("before", type=Path, help="a checkout")
     parser.add_argument("after", type=Path, help="another one")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="of what BEFORE rendered, and need not again")
+    parser.add_argument("--only", default="", metavar="PATTERN", help="of the names of the pictures to compare")
     parser.add_argument("--time", type=int, default=0, metavar="PAIRS", help="pairs of timed renders, at least 2")
     parser.add_argument("--only-time", action="store_true", help="compare no pictures")
     asked = parser.parse_args()
-    stages = sorted((asked.before.resolve() / "usd_scenes" / "stages").glob("*.usda"))
     trees = Tree(asked.before), Tree(asked.after)
+    pictures = [picture for picture in PICTURES if re.search(asked.only, picture.name)]
+    count = 0
     try:
-        count = 0 if asked.only_time else compare(trees, stages)
+        if not asked.only_time:
+            with tempfile.TemporaryDirectory() as folder:
+                kept = asked.keep or Path(folder)
+                kept.mkdir(parents=True, exist_ok=True)
+                count = compare(*trees, pictures, kept)
         if asked.time:
-            measure(trees, stages, asked.time)
+            measure(trees, asked.time)
     finally:
         for tree in trees:
             tree.close()

@@ -2,17 +2,28 @@
 
 import math
 import shutil
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
-from fgf_warp.scene import AreaLight, Mesh, Solid, count_open_edges
+from fgf_warp.features import required_features
+from fgf_warp.scene import PHASE_FUNCTIONS, AreaLight, Mesh, Solid, count_open_edges
+from fgf_warp.settings import RENDERED_AOVS
+from fgf_warp.theory.choices import LINE_VARIANCES
+from fgf_warp.theory.law import Regime
 from generators.tradeoff.config import load_tradeoff
 from tests.benchmarks import llvm, scenes
 from tests.benchmarks.agreement import compare, compare_pairs, estimate
 from tests.benchmarks.auto import PAIRS, true_errors
+from tests.benchmarks.builds import forget_kernels
 from tests.benchmarks.limit import build_walk, run_walk
+from tests.benchmarks.one_build import SETTINGS, full_scene
+from tests.benchmarks.picture_scenes import SCENES
+from tests.benchmarks.pictures import PICTURES
+from tests.benchmarks.same_pictures import differences
 
 
 @pytest.mark.parametrize(
@@ -129,3 +140,48 @@ def test_the_loop_walks_as_the_theory_says(tmp_path):
     # By an independent walk in float64, of 2e6 paths.
     assert walk.events_per_path == pytest.approx(1.5905, abs=0.015)
     assert walk.mean == pytest.approx(0.7632, abs=0.0015)
+
+
+def test_pictures_compare_every_stage_law_phase_function_plane_and_driver():
+    stages = {path.name for path in (Path(__file__).parents[2] / "usd_scenes" / "stages").glob("*.usda")}
+    media = [
+        replace(medium, **picture.medium)
+        for picture in PICTURES
+        if picture.scene in SCENES
+        for medium in SCENES[picture.scene]().media
+    ]
+
+    assert len({picture.name for picture in PICTURES}) == len(PICTURES) >= 60
+    assert {picture.scene for picture in PICTURES} == {*SCENES, *stages}
+    assert {picture.planes for picture in PICTURES} >= {"none", "usual", "all", *RENDERED_AOVS}
+    assert {picture.by for picture in PICTURES} == {"image", "batch", "goal", "threads"}
+    assert {picture.settings.get("transport") for picture in PICTURES} >= {"renewal", "mixed"}
+    assert {medium.line_variance for medium in media} == {*LINE_VARIANCES}
+    assert {medium.phase_function for medium in media} == {*PHASE_FUNCTIONS}
+    assert {medium.line_law.regime for medium in media} == {*get_args(Regime)}
+
+
+def test_one_byte_that_differs_is_told(tmp_path):
+    before, after = tmp_path / "before.npz", tmp_path / "after.npz"
+    values = np.zeros((4, 4), dtype=np.float32)
+    np.savez(before, radiance=values, alpha=values, depth=np.full(3, np.nan))
+    np.savez(after, radiance=values, alpha=-values, depth=np.full(3, np.nan))
+    assert [*differences(before, before)] == []
+    assert [*differences(before, after)] == ["alpha: 0 of 16 numbers, by 0 at most"]
+
+
+def test_a_cold_build_finds_nothing_but_the_compiler_s_header(tmp_path):
+    for name in ("header_12/builtin.pch", "wp_kernel/kernel.o", "1.19.0/wp_kernel/kernel.o", "fgf-warp.lock"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    forget_kernels(tmp_path)
+    assert [path.relative_to(tmp_path).as_posix() for path in sorted(tmp_path.rglob("*"))] == [
+        "header_12",
+        "header_12/builtin.pch",
+    ]
+
+
+def test_the_full_kernel_has_all_but_similar_media_and_what_excludes_other_parts():
+    features = asdict(required_features(full_scene(), replace(SETTINGS, aovs=RENDERED_AOVS)))
+
+    assert {name for name, value in features.items() if not value} == {"lone_law", "lone_solid", "similarity"}

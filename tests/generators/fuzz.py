@@ -7,13 +7,10 @@ import os
 import random
 import shutil
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from threading import Timer
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -21,11 +18,11 @@ import pyarrow.parquet as pq
 from generators.planning.document import load_config
 from generators.planning.plan import build_plan
 from generators.running.run import generate
+from tests.answering import AnsweringProcess, Outcome
 from tests.generators.small_plan import write_config
 
 TIME_LIMIT = 120
 """Seconds after which a command hangs, on a machine that has much else to do; `fuzz_process` counts its own seconds."""
-ROOT = Path(__file__).resolve().parents[2]
 SPARSE = 3 * 2**30
 """[byte] Of a file that must not be read into memory."""
 ODD_NAMES = ("notes.txt", ".hidden", "radiance.exr.bak", "000099", "naïve ☃.txt", "a\nb", "x" * 250, "-rf", ".git")
@@ -332,63 +329,32 @@ def damage(folder: Path, seed: int) -> str:
     return ", ".join(told)
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What became of a dataset: ``whole``, ``told``, or what must not be.
-
-    Args:
-        kind: one word.
-        text: what was found, and by which command.
-    """
-
-    kind: str
-    text: str = ""
-
-
 class Examiner:
-    """A process that looks at damaged datasets one after the other, started anew where it ended.
+    """A process that looks at damaged datasets one after the other.
 
     Args:
         whole: the dataset without damage.
     """
 
     def __init__(self, whole: Path) -> None:
-        self._whole = whole
-        self._process: subprocess.Popen[str] | None = None
+        # It says where it was when it is aborted.
+        self._process = AnsweringProcess(
+            "tests.generators.fuzz_process", whole, seconds=TIME_LIMIT, ending=signal.SIGABRT
+        )
 
     def examine(self, folder: Path, *, generates: bool) -> Outcome:
-        """Runs all commands on a dataset; `generates` says whether that comes first."""
-        if self._process is None:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "tests.generators.fuzz_process", str(self._whole)],
-                cwd=ROOT,
-                text=True,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-            )
-            self._process.stdout.readline()  # The kernel is ready.
-        process = self._process
-        process.stdin.write(json.dumps([str(folder), generates]) + "\n")
-        process.stdin.flush()
+        """Runs all commands on a dataset; `generates` says whether that comes first.
+
+        Returns:
+            ``whole``, ``told``, or what must not be, with the command that it was found by.
+        """
         command = "nothing"
-        while True:
-            # It tells of each command before it begins.
-            timer = Timer(TIME_LIMIT, process.send_signal, (signal.SIGABRT,))  # it says where it was
-            timer.start()
-            answer = process.stdout.readline()
-            hung = not timer.is_alive()
-            timer.cancel()
-            if not answer:
-                self.close()
-                return Outcome("hung" if hung else "crashed", f"{command}: exit code {process.returncode}")
-            found = json.loads(answer)
-            if isinstance(found, dict):
-                return Outcome(**found)
-            command = found
+        answer = self._process.ask(json.dumps([str(folder), generates]))
+        while isinstance(answer, str):  # It tells of each command before it begins.
+            command = answer
+            answer = self._process.go_on()
+        return Outcome(answer.kind, f"{command}: {answer.text}") if isinstance(answer, Outcome) else Outcome(**answer)
 
     def close(self) -> None:
         """Ends the process."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-            self._process = None
+        self._process.close()

@@ -6,23 +6,20 @@ import io
 import json
 import random
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from threading import Timer
 from typing import Any
 
 from ruamel.yaml import YAML
 
 from generators.planning.template import NAME, SCENE, TEMPLATE
+from tests.answering import ROOT, AnsweringProcess, Outcome
 
 TIME_LIMIT = 20
 """Seconds that one config may take."""
 MEMORY_LIMIT = 2**31
 """Bytes that the process may have, USD and all."""
-ROOT = Path(__file__).resolve().parents[2]
 STAGES = ROOT / "usd_scenes" / "stages"
 
 RICH = f"""\
@@ -363,56 +360,22 @@ def mutant(seed: int) -> Mutant:
 BASES = seeds()
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What became of a config: ``planned``, ``refused``, or what must not be.
-
-    Args:
-        kind: one word.
-        text: the message, the traceback, or how the process ended.
-    """
-
-    kind: str
-    text: str = ""
-
-
 class Planner:
-    """A process that plans configs one after the other, started anew where it ended."""
+    """A process that plans configs one after the other."""
 
     def __init__(self) -> None:
-        self._process: subprocess.Popen[str] | None = None
+        self._process = AnsweringProcess("tests.generators.fuzz_configs_process", seconds=TIME_LIMIT)
 
     def plan(self, folder: Path, mutated: Mutant) -> Outcome:
-        """Plans in a folder of its own."""
+        """Plans in a folder of its own.
+
+        Returns:
+            ``planned``, ``refused``, or what must not be.
+        """
         (folder / "config.yaml").write_bytes(mutated.text.encode("utf-8", "surrogatepass"))
-        if self._process is None:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "tests.generators.fuzz_configs_process"],
-                cwd=ROOT,
-                text=True,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-            )
-            assert self._process.stdout is not None
-            self._process.stdout.readline()
-        process = self._process
-        assert process.stdin is not None
-        assert process.stdout is not None
-        timer = Timer(TIME_LIMIT, process.kill)
-        timer.start()
-        process.stdin.write(json.dumps([str(folder), mutated.overrides]) + "\n")
-        process.stdin.flush()
-        answer = process.stdout.readline()
-        hung = not timer.is_alive()
-        timer.cancel()
-        if answer:
-            return Outcome(**json.loads(answer))
-        self.close()
-        return Outcome("hung" if hung else "crashed", f"exit code {process.returncode}")
+        answer = self._process.ask(json.dumps([str(folder), mutated.overrides]))
+        return answer if isinstance(answer, Outcome) else Outcome(**answer)
 
     def close(self) -> None:
         """Ends the process."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-            self._process = None
+        self._process.close()

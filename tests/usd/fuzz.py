@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import random
-import signal
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-from threading import Timer
 
 from pxr import Sdf, Tf
 
+from tests.answering import AnsweringProcess, Outcome
 from tests.usd.fuzz_stages import RICH, base_stages, write_pictures
 from tests.usd.fuzz_texts import changed
 
@@ -27,7 +24,8 @@ KINDS = {TEXT: 8, BINARY: 1, PACKAGE: 1}
 """How often each kind of file is taken; mistakes of the latter two are in their bytes, at times in their text too."""
 TRIES = 4
 """How often a stage is made anew that cannot be parsed; one in as many stays as it is."""
-ROOT = Path(__file__).resolve().parents[2]
+CLEAN = ("rendered", "refused", "read", "outside")
+"""What may become of a stage."""
 
 
 def write_mutant(seed: int, folder: Path) -> Path:
@@ -98,26 +96,8 @@ def _damaged(content: bytes, rng: random.Random) -> bytes:
     return bytes(found)
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What became of a stage: ``rendered``, ``refused``, ``read``, ``outside``, or what must not be.
-
-    Args:
-        kind: one word.
-        text: the message, the traceback, or how the process ended.
-    """
-
-    kind: str
-    text: str = ""
-
-    @property
-    def is_clean(self) -> bool:
-        """True for a picture, a refusal, and where the fault is of outside software that opens a damaged file."""
-        return self.kind in ("rendered", "refused", "read", "outside")
-
-
 class Renderer:
-    """A process that renders stages one after the other with one kernel, started anew where it ended.
+    """A process that renders stages one after the other with one kernel.
 
     Args:
         folder: for what it needs.
@@ -125,44 +105,26 @@ class Renderer:
 
     def __init__(self, folder: Path) -> None:
         write_pictures(folder)
-        self._companion = folder / "rich.usda"
-        self._companion.write_text(RICH)
-        self._process: subprocess.Popen[str] | None = None
+        companion = folder / "rich.usda"
+        companion.write_text(RICH)
+        self._process = AnsweringProcess("tests.usd.fuzz_process", companion, seconds=TIME_LIMIT)
 
     def render(self, path: Path) -> Outcome:
-        """Renders 8 by 8 pixels into a file beside the stage, and validates it."""
-        if self._process is None:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "tests.usd.fuzz_process", str(self._companion)],
-                cwd=ROOT,
-                text=True,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-            )
-            self._process.stdout.readline()  # The kernel is ready.
-        process = self._process
-        timer = Timer(TIME_LIMIT, process.kill)
-        timer.start()
-        process.stdin.write(f"{path}\n")
-        process.stdin.flush()
-        answer = process.stdout.readline()
-        timer.cancel()
-        if answer:
-            outcome = Outcome(**json.loads(answer))
-        else:
-            code = process.wait()
-            self.close()
-            outcome = Outcome("hung" if code in (-signal.SIGKILL, -signal.SIGPROF) else "crashed", f"exit code {code}")
-        if outcome.is_clean or path.suffix == TEXT or is_opened_by_usd(path):
+        """Renders 8 by 8 pixels into a file beside the stage, and validates it.
+
+        Returns:
+            ``rendered``, ``refused``, ``read``, ``outside`` where the fault is of outside software that opens a damaged
+            file, or what must not be.
+        """
+        answer = self._process.ask(str(path))
+        outcome = answer if isinstance(answer, Outcome) else Outcome(**answer)
+        if outcome.kind in CLEAN or path.suffix == TEXT or is_opened_by_usd(path):
             return outcome
         return Outcome("outside", outcome.kind)
 
     def close(self) -> None:
         """Ends the process."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-            self._process = None
+        self._process.close()
 
 
 WALK = """

@@ -1,14 +1,14 @@
 """Reads a USD stage into a `fgf_warp.scene.Scene`; reading is validation."""
 
 from usd_scenes.reader.camera import look_at
+from usd_scenes.reader.choices import ReadOptions
 from usd_scenes.reader.edits import EditError, Edits
 from usd_scenes.reader.frames import Frame, kind_of, name_of
+from usd_scenes.reader.open_stages import OpenStages
+from usd_scenes.reader.readings import StageReading, StageSurvey
 from usd_scenes.reader.settings import Product
 from usd_scenes.reader.stage import (
     COMPLEXITIES,
-    OpenStages,
-    StageReading,
-    StageSurvey,
     read_products,
     read_scene,
     read_stage,
@@ -22,6 +22,7 @@ __all__ = [
     "Frame",
     "OpenStages",
     "Product",
+    "ReadOptions",
     "StageReading",
     "StageSurvey",
     "kind_of",

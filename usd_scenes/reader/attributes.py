@@ -7,7 +7,7 @@ which is what its author wrote: -0.49, not -0.49000000953674316. So messages, la
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -33,6 +33,7 @@ class Range:
         high: the largest.
         excludes_low: True where `low` itself is not accepted, so that what is too low has no nearest number.
         is_cut: False where what is out of it is not to become the nearest number.
+        is_whole: True where only integers are accepted.
     """
 
     words: str
@@ -40,13 +41,19 @@ class Range:
     high: float = math.inf
     excludes_low: bool = False
     is_cut: bool = True
+    is_whole: bool = False
 
     def holds(self, number: float) -> bool:
         """True where a number is accepted."""
-        return self.low <= number <= self.high and not (self.excludes_low and number == self.low)
+        is_within = self.low <= number <= self.high and not (self.excludes_low and number == self.low)
+        return is_within and (not self.is_whole or float(number).is_integer())
 
     def nearest(self, number: float) -> float | None:
-        """The accepted number that is nearest; None where there is none."""
+        """The accepted number that is nearest; None where there is none.
+
+        Returns:
+            A finite number: the given one where it is accepted, else `low` or `high`.
+        """
         if math.isnan(number) or not (self.is_cut or self.holds(number)) or (self.excludes_low and number <= self.low):
             return None
         near = min(max(number, self.low), self.high)
@@ -57,6 +64,7 @@ UNIT = Range("[0, 1]", 0.0, 1.0)
 NOT_NEGATIVE = Range(">= 0", 0.0)
 POSITIVE = Range("> 0", 0.0, excludes_low=True)
 FINITE = Range("a finite number")
+WHOLE = Range("an integer", is_cut=False, is_whole=True)
 FLAGS = {"true": True, "false": False}
 COUNTS = {2: "two", 3: "three", 4: "four"}
 
@@ -79,90 +87,55 @@ def plain_source(attribute: Usd.Attribute) -> Usd.Attribute | None:
 
 
 def read_number(
-    attribute: Usd.Attribute,
-    time: Usd.TimeCode,
-    default: float | None = None,
-    accepted: str = "a finite number",
-    holds: Callable[[float], bool] = lambda x: True,
+    attribute: Usd.Attribute, time: Usd.TimeCode, within: Range = FINITE, default: float | None = None
 ) -> float:
     """A number.
 
     Args:
         attribute: may be undefined if there is a `default`.
         time: where it is sampled.
+        within: the accepted range.
         default: taken where the attribute has no value.
-        accepted: the range that `holds` tests, in words.
-        holds: tests a finite number.
+
+    Returns:
+        As its author wrote it, see `as_written`.
 
     Raises:
-        SceneError: for no value and no default, a value that is no number, or one that is not accepted.
+        SceneError: for no value and no default, a value that is no finite number, or one that is not accepted.
     """
     value = attribute.Get(time) if attribute else None
     if value is None:
         value = default
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise _refusal(attribute, value, accepted)
+        raise _refusal(attribute, value, within.words)
     number = float(value)
-    if not math.isfinite(number) or not holds(number):
-        raise _refusal(attribute, value, accepted)
+    if not math.isfinite(number) or not within.holds(number):
+        raise _refusal(attribute, value, within.words)
     return as_written(number) if attribute and attribute.GetTypeName() in SINGLE_PRECISION else number
 
 
-def read_color(
-    attribute: Usd.Attribute,
-    time: Usd.TimeCode,
-    default: Rgb | None = None,
-    accepted: str = "three finite numbers",
-    holds: Callable[[float], bool] = lambda x: True,
-) -> Rgb:
+def read_color(attribute: Usd.Attribute, time: Usd.TimeCode) -> Rgb:
     """A linear Rec.709 color.
 
-    Args:
-        attribute: may be undefined if there is a `default`.
-        time: where it is sampled.
-        default: taken where the attribute has no value.
-        accepted: the range that `holds` tests, in words.
-        holds: tests a finite number.
+    Returns:
+        Three numbers of any sign, as their author wrote them, see `as_written`.
 
     Raises:
-        SceneError: for no value and no default, or a value that is not three finite numbers that are accepted.
+        SceneError: for no value, or one that is not three finite numbers.
     """
-    r, g, b = read_vector(attribute, time, 3, default, accepted, holds)
+    r, g, b = _read_numbers(attribute, time, 3, FINITE, "three finite numbers")
     return r, g, b
 
 
-def read_vector(
-    attribute: Usd.Attribute,
-    time: Usd.TimeCode,
-    size: int,
-    default: tuple[float, ...] | None = None,
-    accepted: str | None = None,
-    holds: Callable[[float], bool] = lambda x: True,
+def _read_numbers(
+    attribute: Usd.Attribute, time: Usd.TimeCode, size: int, within: Range, words: str
 ) -> tuple[float, ...]:
-    """Some numbers, as those of a point or a color.
-
-    Args:
-        attribute: may be undefined if there is a `default`.
-        time: where it is sampled.
-        size: how many.
-        default: taken where the attribute has no value.
-        accepted: the range that `holds` tests, in words.
-        holds: tests a finite number.
-
-    Raises:
-        SceneError: for no value and no default, or a value that is not so many finite numbers that are accepted.
-    """
+    """So many finite numbers within a range; `words` are of all of them together."""
     value = attribute.Get(time) if attribute else None
-    if value is None and default is not None:
-        return default
-    accepted = accepted or f"{size} finite numbers"
-    try:
-        numbers = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise _refusal(attribute, value, accepted) from None
-    if numbers.shape != (size,) or not (np.isfinite(numbers).all() and all(map(holds, numbers))):
-        raise _refusal(attribute, value, accepted)
-    return tuple(as_written(float(number)) for number in numbers)
+    numbers = _numbers(value, size)
+    if numbers is None or not all(math.isfinite(number) and within.holds(number) for number in numbers):
+        raise _refusal(attribute, value, words)
+    return tuple(as_written(number) for number in numbers)
 
 
 def read_mended(attribute: Usd.Attribute, context: StageContext, within: Range, default: float) -> float:
@@ -174,11 +147,14 @@ def read_mended(attribute: Usd.Attribute, context: StageContext, within: Range, 
         within: the accepted range. A number out of it is cut to it.
         default: taken where there is no value, and, with a warning, where the value has no nearest accepted number.
 
+    Returns:
+        A finite number within the range, or the default.
+
     Raises:
         SceneError: for a value that is not accepted, where the stage is read strictly.
     """
     try:
-        return read_number(attribute, context.time, default, within.words, within.holds)
+        return read_number(attribute, context.time, within, default)
     except SceneError as error:
         return _mended(attribute, attribute.Get(context.time), error, context, within, default)
 
@@ -192,11 +168,18 @@ def read_mended_color(attribute: Usd.Attribute, context: StageContext, within: R
 def read_mended_vector(
     attribute: Usd.Attribute, context: StageContext, default: tuple[float, ...], within: Range = FINITE
 ) -> tuple[float, ...]:
-    """The same of as many numbers as the default has."""
+    """The same of as many numbers as the default has.
+
+    Returns:
+        As many finite numbers as the default has: those out of the range cut to it, those without a nearest accepted
+        number taken from the default.
+    """
+    if not attribute or attribute.Get(context.time) is None:
+        return default
     size = len(default)
     words = f"{size} finite numbers" if within is FINITE else f"{COUNTS.get(size, size)} numbers {_in(within)}"
     try:
-        return read_vector(attribute, context.time, size, default, words, within.holds)
+        return _read_numbers(attribute, context.time, size, within, words)
     except SceneError as error:
         found = _numbers(attribute.Get(context.time), size)
         near = [None] * size if found is None else [within.nearest(number) for number in found]
@@ -352,7 +335,11 @@ def read_words(attribute: Usd.Attribute, context: StageContext, time: Usd.TimeCo
 
 
 def as_written(number: float) -> float:
-    """The shortest decimal that the nearest float32 stands for."""
+    """The shortest decimal that the nearest float32 stands for.
+
+    Returns:
+        A float64 whose decimal digits are those of the float32: 0.1 for 0.10000000149011612.
+    """
     # Not by str(), whose digits depend on NumPy's print options, which libraries change when they are imported.
     return float(np.format_float_scientific(np.float32(number)))
 

@@ -44,6 +44,9 @@ def choose_camera(context: StageContext, asked: str | None, from_settings: str |
         asked: prim path, or a prim name that only one camera has.
         from_settings: prim path.
 
+    Returns:
+        A prim of type Camera; None of a stage without any.
+
     Raises:
         SceneError: where no single camera is what is asked for; it lists those there are.
     """
@@ -62,6 +65,9 @@ def read_shutter(prim: Usd.Prim, context: StageContext) -> tuple[Usd.TimeCode, U
 
     USD has these times relative to the frame. Where there is no frame, as at the default time or where the stage has
     no start, the shutter is left shut, with a warning.
+
+    Returns:
+        Two time codes of the stage, the opening first, which is not later than the closing.
 
     Raises:
         SceneError: for a shutter that closes before it opens, where the stage is read strictly.
@@ -83,6 +89,9 @@ def read_camera(prim: Usd.Prim, context: StageContext) -> Camera:
 
     Its clipping range is in force where it is authored: USD's fallback begins at one stage unit from the camera,
     which would cut what a scene in metres has in front. What is out of its range is mended, with a warning.
+
+    Returns:
+        Lengths and matrices are those of world space, scaled by what is above the camera; see `Camera` for their units.
 
     Raises:
         SceneError: for a transform that cannot be undone, or a film that is too wide for its lens.
@@ -144,6 +153,9 @@ def default_camera(shapes: Iterable[Shape], up_axis: str) -> Camera:
     Args:
         shapes: in world space.
         up_axis: ``Y`` (the front is +z) or ``Z`` (the front is -y).
+
+    Returns:
+        Of the default lens and film. A sphere around the box of all shapes fills the lesser side of its view.
     """
     low, high = scene_bounds(shapes)
     center, radius = (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 1e-6)
@@ -159,7 +171,14 @@ def default_camera(shapes: Iterable[Shape], up_axis: str) -> Camera:
 def look_at(eye: np.ndarray, target: np.ndarray, up: np.ndarray) -> np.ndarray:
     """(4, 4) camera-to-world matrix of a camera at `eye` that looks at `target`.
 
-    It is not finite where there is no such camera, as where the two coincide in float64, and no `Camera` takes it then.
+    Args:
+        eye: (3,), in world space.
+        target: (3,), another point than `eye`.
+        up: (3,), of any length, not along the view.
+
+    Returns:
+        float64, whose columns are right, up, backward and the eye: it looks along its own -z. It is not finite where
+        there is no such camera, as where the points coincide in float64, and no `Camera` takes it then.
     """
     backward = (eye - target) / np.linalg.norm(eye - target)
     right = _cross(up, backward)

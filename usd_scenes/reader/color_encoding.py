@@ -64,6 +64,10 @@ def read_encoding(file: str, metadata: Callable[[str], Any], file_format: str) -
         file: its path.
         metadata: gives what OpenImageIO read of it by name, None of what is not there.
         file_format: OpenImageIO's name of the format.
+
+    Returns:
+        Its transfer function, and what it says that is not followed. Of PNG the file itself is read, of others what
+        OpenImageIO found.
     """
     if file_format == "png":
         with Path(file).open("rb") as opened:
@@ -78,7 +82,16 @@ def read_encoding(file: str, metadata: Callable[[str], Any], file_format: str) -
 
 
 def decode(encoded: np.ndarray, transfer: Transfer) -> np.ndarray:
-    """Linear from encoded values in [0, 1], or beyond."""
+    """Linear from encoded values in [0, 1], or beyond.
+
+    Args:
+        encoded: of any shape; 1 is white.
+        transfer: linear, sRGB, or the exponent of a power.
+
+    Returns:
+        Of the shape of `encoded`; numbers below 0 stay so where the transfer is linear or sRGB, and become 0 under a
+        power.
+    """
     if transfer == "linear":
         return encoded
     if transfer == "sRGB":  # IEC 61966-2-1

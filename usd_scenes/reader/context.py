@@ -86,6 +86,9 @@ class StageContext:
     def local_to_ancestor(self, prim: Usd.Prim, ancestor: Usd.Prim) -> tuple[np.ndarray, np.ndarray]:
         """The same from a prim's space to that of a prim above it, when the shutter opens and when it closes.
 
+        Returns:
+            Two (4, 4) float64, at the opening and at the closing.
+
         Raises:
             SceneError: as for `local_to_world`.
         """
@@ -94,7 +97,11 @@ class StageContext:
 
     @property
     def shutter_times(self) -> tuple[Usd.TimeCode, Usd.TimeCode]:
-        """When the shutter opens and closes."""
+        """When the shutter opens and closes.
+
+        Returns:
+            Two time codes; both are the time of the stage where the shutter opens for an instant.
+        """
         return self.shutter or (self.time, self.time)
 
     def _matrix(self, transforms: UsdGeom.XformCache, prim: Usd.Prim, ancestor: Usd.Prim | None = None) -> np.ndarray:

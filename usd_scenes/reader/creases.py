@@ -17,6 +17,9 @@ Crease = tuple[int, int, float]
 def read_creases(mesh: UsdGeom.Mesh, n_points: int, context: StageContext) -> list[Crease]:
     """The edges of a mesh that are sharp; those that do not fit it are left out, with a warning.
 
+    Returns:
+        Pairs of points in [0, n_points) and their sharpness, along each crease one for each of its edges.
+
     Raises:
         SceneError: for what is left out, where the stage is read strictly.
     """

@@ -26,6 +26,10 @@ def display_surface(prim: Usd.Prim, context: StageContext, copies: Copies | None
         context: the stage.
         copies: of the prototype that it is part of: where their values differ, it reads the primvar of each.
 
+    Returns:
+        Its color and opacity are constants in [0, 1], or read from primvars where they differ over the geometry or its
+        copies.
+
     Raises:
         SceneError: for such values, where the stage is read strictly.
     """

@@ -10,7 +10,7 @@ from pxr import Usd, UsdGeom
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import FLOAT32_MAX
-from usd_scenes.reader.attributes import read_number, read_token
+from usd_scenes.reader.attributes import NOT_NEGATIVE, POSITIVE, read_number, read_token
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.mesh import Form
 
@@ -31,6 +31,9 @@ true one, and by less than 2.6e-4 of its volume smaller."""
 
 def read_solid(prim: Usd.Prim, context: StageContext) -> Canonical | None:
     """A Sphere, Cube or Cylinder, or a Cylinder_1 whose radii agree; None for any other shape.
+
+    Returns:
+        The kind, and the matrix from the canonical solid, whose radius and half-height are 1, to the prim's own space.
 
     Raises:
         SceneError: for a length that is not > 0, or an unknown axis.
@@ -57,6 +60,9 @@ def read_solid(prim: Usd.Prim, context: StageContext) -> Canonical | None:
 def read_cone(prim: Usd.Prim, context: StageContext) -> Form:
     """A Cone, whose tip is at the positive end of its axis.
 
+    Returns:
+        A closed surface of `SEGMENTS` segments around its axis, with its normals.
+
     Raises:
         SceneError: for a radius or height that is not > 0, or an unknown axis.
     """
@@ -67,6 +73,9 @@ def read_cone(prim: Usd.Prim, context: StageContext) -> Form:
 
 def read_cut_cone(prim: Usd.Prim, context: StageContext) -> Form:
     """A Cylinder_1 of any two radii.
+
+    Returns:
+        A closed surface of `SEGMENTS` segments around its axis, with its normals; an end of radius 0 is a tip.
 
     Raises:
         SceneError: for a height that is not > 0, a negative radius, or an unknown axis.
@@ -79,6 +88,9 @@ def read_cut_cone(prim: Usd.Prim, context: StageContext) -> Form:
 
 def read_capsule(prim: Usd.Prim, context: StageContext) -> Form:
     """A Capsule or Capsule_1: two half spheres at the ends of a cylinder or of a cone that is cut off.
+
+    Returns:
+        A closed surface of `SEGMENTS` segments around its axis, with its normals.
 
     Raises:
         SceneError: for a height that is negative, a radius that is not > 0, or an unknown axis.
@@ -98,6 +110,9 @@ def read_capsule(prim: Usd.Prim, context: StageContext) -> Form:
 
 def read_plane(prim: Usd.Prim, context: StageContext) -> Form:
     """A Plane, which faces along its axis.
+
+    Returns:
+        Two triangles, which enclose nothing.
 
     Raises:
         SceneError: for a width or length that is not > 0, or an unknown axis.
@@ -191,11 +206,11 @@ def _radii(prim: Usd.Prim, context: StageContext) -> tuple[float, float]:
 
 
 def _non_negative(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> float:
-    return _bounded(prim, name, read_number(prim.GetAttribute(name), time, accepted=">= 0", holds=lambda x: x >= 0))
+    return _bounded(prim, name, read_number(prim.GetAttribute(name), time, NOT_NEGATIVE))
 
 
 def _length(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> float:
-    return _bounded(prim, name, read_number(prim.GetAttribute(name), time, accepted="> 0", holds=lambda x: x > 0))
+    return _bounded(prim, name, read_number(prim.GetAttribute(name), time, POSITIVE))
 
 
 def _bounded(prim: Usd.Prim, name: str, length: float) -> float:

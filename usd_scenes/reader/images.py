@@ -57,6 +57,9 @@ class ImageFiles:
         grey, a second one its alpha. ``auto`` follows the file, and where that does not say takes 8-bit files of three
         channels or more for sRGB and all others for linear, as the specification of UsdPreviewSurface asks for.
 
+        Returns:
+            Pixels (height, width, 4), uint8 as in the file, or float32, linear and finite; the same object each time.
+
         Raises:
             SceneError: for a file that is not there or no picture; the message holds the reason alone.
         """

@@ -73,7 +73,12 @@ class Copies:
         return np.repeat(self.around.numbers_in(level), len(self.own))
 
     def matrices(self, prim: Usd.Prim, context: StageContext) -> Matrices:
-        """From the space of a prim of the prototype to the world, for each copy."""
+        """From the space of a prim of the prototype to the world, for each copy.
+
+        Returns:
+            Two (n, 3, 4) float64, at the opening and at the closing of the shutter; one and the same array where
+            nothing moves.
+        """
         (opening, closing), (first, last) = self.to_world, context.local_to_ancestor(prim, self.root)
         moved = _moved(opening, first)
         return moved, moved if closing is opening and np.array_equal(first, last) else _moved(closing, last)
@@ -89,6 +94,9 @@ def read_copies(prim: Usd.Prim, context: StageContext, around: Copies | None) ->
         prim: the instancer.
         context: the stage.
         around: the copies of the instancer itself, where it is part of a prototype.
+
+    Returns:
+        One for each prototype of which there is a copy, in the instancer's order.
 
     Raises:
         SceneError: for what is left out, where the stage is read strictly.

@@ -17,6 +17,9 @@ PLAIN = "the light has no picture: it is plain, of its own color and intensity"
 def read_light_image(prim: Usd.Prim, context: StageContext) -> Image | None:
     """The picture of a light, without light below 0; None where it names none, or, with a warning, none that is one.
 
+    Returns:
+        Pixels (height, width, 4), >= 0.
+
     Raises:
         SceneError: in place of a warning, where the stage is read strictly.
     """

@@ -45,7 +45,12 @@ SMALL = 1e-4
 
 
 def emission(prim: Usd.Prim, context: StageContext) -> Rgb:
-    """Radiance per channel before `normalize`."""
+    """Radiance per channel before `normalize`.
+
+    Returns:
+        Three numbers >= 0 of linear Rec.709 [radiance]: intensity times 2^exposure, times color and the color of the
+        temperature.
+    """
     intensity = number(prim, "inputs:intensity", NOT_NEGATIVE, context)
     exposure = number(prim, "inputs:exposure", EXPOSURE, context)
     color = read_mended_color(prim.GetAttribute("inputs:color"), context, NOT_NEGATIVE, (1.0, 1.0, 1.0))
@@ -56,7 +61,11 @@ def emission(prim: Usd.Prim, context: StageContext) -> Rgb:
 
 
 def number(prim: Usd.Prim, name: str, within: Range, context: StageContext) -> float:
-    """A number of a light; what is out of its range is mended, by the schema's fallback where nothing is nearer."""
+    """A number of a light; what is out of its range is mended, by the schema's fallback where nothing is nearer.
+
+    Returns:
+        Within the range, in the unit that UsdLux gives the attribute.
+    """
     fallback = prim.GetPrimDefinition().GetAttributeFallbackValue(name)
     return read_mended(prim.GetAttribute(name), context, within, float(fallback))
 
@@ -66,6 +75,9 @@ def size(prim: Usd.Prim, name: str, context: StageContext) -> float:
 
     A size of 0 stands for a light whose power does not depend on it, such as a point: where the light is normalized, a
     size that is small beside the stage takes its place, so that its power stays.
+
+    Returns:
+        A length > 0.
 
     Raises:
         SceneError: for a size of 0 where the light is not normalized, and so has no power.
@@ -101,6 +113,9 @@ def read_shaping(prim: Usd.Prim, context: StageContext, whole_angle: float) -> S
         prim: the light.
         context: the stage.
         whole_angle: that a light of this kind emits up to from its axis anyway [degree].
+
+    Returns:
+        Its axis in world space, its angle in radian.
     """
     if not prim.HasAPI(UsdLux.ShapingAPI):
         return None
@@ -121,6 +136,9 @@ def read_shaping(prim: Usd.Prim, context: StageContext, whole_angle: float) -> S
 
 def axis(prim: Usd.Prim, context: StageContext) -> Vec3:
     """The direction of a light's local -z, of unit length.
+
+    Returns:
+        In world space, when the shutter opens.
 
     Raises:
         SceneError: for a transform that leaves none.
@@ -206,5 +224,9 @@ def scaled(color: Rgb, factor: float) -> Rgb:
 
 
 def vec3(values: np.ndarray) -> Vec3:
-    """Three numbers as plain floats."""
+    """Three numbers as plain floats.
+
+    Args:
+        values: (3,) of any type.
+    """
     return (float(values[0]), float(values[1]), float(values[2]))

@@ -63,6 +63,9 @@ UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 def read_distant_light(prim: Usd.Prim, context: StageContext) -> DistantLight:
     """A DistantLight, which shines along its local -z.
 
+    Returns:
+        Its direction in world space, its half-angle in radian; the radiance is before `normalize`.
+
     Raises:
         SceneError: for a transform that leaves it no direction.
     """
@@ -79,6 +82,9 @@ def read_dome_light(prim: Usd.Prim, context: StageContext) -> DomeLight:
     """A DomeLight or a DomeLight_1; `normalize` does not apply to it.
 
     The pole of its image is the local y axis of a DomeLight, and that which its poleAxis says of a DomeLight_1.
+
+    Returns:
+        Where it has an image, with its axes in world space; the radiance is what the image is multiplied with.
 
     Raises:
         SceneError: for an image whose dome has a transform that leaves no volume.
@@ -120,6 +126,9 @@ def read_rect_light(prim: Usd.Prim, context: StageContext) -> AreaLight:
 
     Seen from there, its image is upright and not mirrored.
 
+    Returns:
+        In world space; the radiance is before `normalize`.
+
     Raises:
         SceneError: for a light without extent.
     """
@@ -136,6 +145,9 @@ def read_rect_light(prim: Usd.Prim, context: StageContext) -> AreaLight:
 def read_disk_light(prim: Usd.Prim, context: StageContext) -> AreaLight:
     """A DiskLight, which emits along its local -z.
 
+    Returns:
+        In world space; the radiance is before `normalize`.
+
     Raises:
         SceneError: for a light without extent.
     """
@@ -145,6 +157,9 @@ def read_disk_light(prim: Usd.Prim, context: StageContext) -> AreaLight:
 
 def read_sphere_light(prim: Usd.Prim, context: StageContext) -> SphereLight:
     """A SphereLight; under a scale that is not uniform, a sphere of the same volume, with a warning.
+
+    Returns:
+        In world space; the radiance is before `normalize`.
 
     Raises:
         SceneError: for a light without extent.
@@ -167,6 +182,9 @@ def read_cylinder_light(prim: Usd.Prim, context: StageContext) -> CylinderLight:
     """A CylinderLight along its local x axis; across a scale that is not uniform, a round one, with a warning.
 
     The round one has the same volume.
+
+    Returns:
+        In world space; the radiance is before `normalize`.
 
     Raises:
         SceneError: for a light without extent.
@@ -191,6 +209,9 @@ def read_cylinder_light(prim: Usd.Prim, context: StageContext) -> CylinderLight:
 
 def read_mesh_light(prim: Usd.Prim, context: StageContext) -> MeshLight | None:
     """A Mesh with MeshLightAPI, or the one that a GeometryLight names; None, with a warning, where there is no face.
+
+    Returns:
+        Its triangles in world space, counter-clockwise seen from outside; the radiance is before `normalize`.
 
     Raises:
         SceneError: for a mesh that does not fit together.
@@ -230,6 +251,10 @@ def read_light(prim: Usd.Prim, context: StageContext) -> Light | None:
 
     A value out of its range is mended.
 
+    Returns:
+        In world space. Where it is normalized, its radiance is divided by its area, and that of a distant light by the
+        irradiance that a radiance of 1 would give.
+
     Raises:
         SceneError: for a light that cannot be, such as one without extent; and for what is mended or missing, where the
             stage is read strictly.
@@ -248,7 +273,11 @@ def read_light(prim: Usd.Prim, context: StageContext) -> Light | None:
 
 
 def default_lights(camera: Camera) -> tuple[Light, ...]:
-    """What lights a stage that has no light of its own: a key light that goes with the camera, and a dim dome."""
+    """What lights a stage that has no light of its own: a key light that goes with the camera, and a dim dome.
+
+    Returns:
+        A DistantLight from beside the camera, and `DEFAULT_DOME`.
+    """
     axes = unit_axes(camera.camera_to_world)
     towards = axes @ DEFAULT_KEY_FROM
     radiance = DEFAULT_KEY_RADIANCE / math.sin(DEFAULT_KEY_HALF_ANGLE) ** 2

@@ -28,6 +28,10 @@ def link_lights(
         shapes: each with the path that collections name it by.
         context: the stage.
 
+    Returns:
+        Both in their order: the lights with `link` and `shadow_link`, numbers from 0 on, and the shapes with
+        `light_links` and `shadow_links`, whose bit k is that of the lights of number k.
+
     Raises:
         UnsupportedFeatureError: for more different sets of shapes than there are bits.
     """

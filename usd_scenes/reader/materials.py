@@ -69,6 +69,9 @@ class MaterialReader:
             prim: the geometry.
             copies: of the prototype that it is part of.
 
+        Returns:
+            `medium` is a place in `media`, or None; `surface` is None where light passes the boundary unchanged.
+
         Raises:
             SceneError: for a value out of its range, or a missing one where the stage is read strictly.
         """

@@ -10,7 +10,7 @@ from pxr import Usd
 from fgf_warp.errors import MediumError, SceneError
 from fgf_warp.scene import LINE_VARIANCES, PHASE_FUNCTIONS, TRANSPORTS, Medium
 from usd_scenes import schema
-from usd_scenes.reader.attributes import is_authored, plain_source, read_color, read_number, read_token
+from usd_scenes.reader.attributes import WHOLE, is_authored, plain_source, read_color, read_number, read_token
 from usd_scenes.reader.context import StageContext
 
 COLORS = ("extinction_color", "albedo")
@@ -41,6 +41,10 @@ def has_medium(material: Usd.Prim, context: StageContext) -> bool:
 
 def read_medium(material: Usd.Prim, context: StageContext) -> Medium:
     """The medium of a material that FgfMediumAPI is applied to.
+
+    Returns:
+        Of the name of its material, with parameters as authored, see `fgf_warp.scene.Medium` for their units and
+        ranges.
 
     Raises:
         MediumError: for an unknown fgf attribute, or a value out of its range.
@@ -109,7 +113,7 @@ def _read_field(field: str, attribute: Usd.Attribute, time: Usd.TimeCode) -> obj
     if field in TOKENS:
         return read_token(attribute, time, TOKENS[field])
     if field == "priority":
-        return int(read_number(attribute, time, accepted="an integer", holds=float.is_integer))
+        return int(read_number(attribute, time, WHOLE))
     return read_number(attribute, time)
 
 

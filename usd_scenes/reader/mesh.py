@@ -75,7 +75,11 @@ class Form:
         return None
 
     def looks(self, prim: Usd.Prim, look_of: Callable[[Usd.Prim], Look]) -> list[Assignment]:
-        """What the triangles are made of."""
+        """What the triangles are made of.
+
+        Returns:
+            No triangle is in two of them.
+        """
         return [Assignment(str(prim.GetPath()), look_of(prim))]
 
     def _carry(self, found: UsdGeom.Primvar) -> np.ndarray | None:
@@ -259,7 +263,11 @@ class Part:
         )
 
     def moved(self, to_world: np.ndarray) -> Part:
-        """The same under a (4, 4) transform; a mirroring one leaves the outside outside."""
+        """The same under a (4, 4) transform; a mirroring one leaves the outside outside.
+
+        Returns:
+            Its points in the space that the transform leads to.
+        """
         matrix = to_world[:3, :3]
         normals = None if self.normals is None else _moved_normals(self.normals, matrix)
         points = self.points @ matrix.T + to_world[:3, 3]
@@ -360,7 +368,15 @@ def read_corners(prim: Usd.Prim, context: StageContext) -> np.ndarray:
 
 
 def triangle_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(m, 3), of length 1, or 0 of triangles without area."""
+    """(m, 3), of length 1, or 0 of triangles without area.
+
+    Args:
+        points: (n, 3) float.
+        triangles: (m, 3) int.
+
+    Returns:
+        To the side from which the corners run counter-clockwise.
+    """
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
     normals = np.cross(b - a, c - a)
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)

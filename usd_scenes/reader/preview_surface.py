@@ -54,6 +54,9 @@ def read_preview_surface(shader: UsdShade.Shader, context: StageContext) -> Surf
 
     A value out of its range is mended.
 
+    Returns:
+        Colors in linear Rec.709; each input is a constant in its range or a texture.
+
     Raises:
         SceneError: for what is missing or out of its range, where the stage is read strictly.
     """

@@ -77,7 +77,11 @@ def find_primvar(prim: Usd.Prim, name: str) -> UsdGeom.Primvar:
 
 
 def read_primvar(primvar: UsdGeom.Primvar, polygons: Polygons, context: StageContext) -> Primvar | None:
-    """The values of a primvar; None, with a warning, where they do not fit the mesh or are no numbers."""
+    """The values of a primvar; None, with a warning, where they do not fit the mesh or are no numbers.
+
+    Returns:
+        Values (n, k) float64 and their indices, as many as the interpolation asks for.
+    """
     values = read_values(primvar, context)
     if values is None:
         return None
@@ -120,6 +124,9 @@ def cut_display(primvar: UsdGeom.Primvar, values: np.ndarray, context: StageCont
         values: its values, with or without indices, some of them out of [0, 1] or not finite.
         context: the stage.
 
+    Returns:
+        Of the shape and type of `values`, all in [0, 1].
+
     Raises:
         SceneError: in place of the warning, where the stage is read strictly.
     """
@@ -139,7 +146,11 @@ def cut_display(primvar: UsdGeom.Primvar, values: np.ndarray, context: StageCont
 
 
 def read_indices(primvar: UsdGeom.Primvar, context: StageContext) -> np.ndarray | None:
-    """(l,) int64 of an indexed primvar."""
+    """(l,) int64 of an indexed primvar.
+
+    Returns:
+        Places in the values of the primvar; None of one without indices.
+    """
     return np.asarray(primvar.GetIndices(context.time), dtype=np.int64) if primvar.IsIndexed() else None
 
 

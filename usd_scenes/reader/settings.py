@@ -93,6 +93,9 @@ def read_settings(context: StageContext, asked: str | None = None) -> StageSetti
         asked: prim path of the settings; None takes those that the stage's metadata name, else the first, with a
             warning where there are several.
 
+    Returns:
+        At least one product; resolutions in pixels.
+
     Raises:
         SceneError: for settings that are asked for and not there, or for what is mended, where it is read strictly.
     """

@@ -33,6 +33,9 @@ def source_of(shader: UsdShade.Shader, name: str, context: StageContext) -> Usd.
     An input that is connected to another without a value has its own. So has one whose connection leads nowhere,
     which is named in a warning.
 
+    Returns:
+        An attribute, which may have no value, or the output of a shader that is there.
+
     Raises:
         SceneError: in place of the warning, where the stage is read strictly.
     """

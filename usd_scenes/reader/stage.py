@@ -6,17 +6,18 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade, UsdSkel
 
 from fgf_warp.errors import FgfError, SceneError
-from fgf_warp.scene import Camera, Light, Medium, Scene, Shape
+from fgf_warp.scene import Camera, Light, Scene, Shape
 from usd_scenes import schema
 from usd_scenes.reader.camera import as_asked, choose_camera, default_camera, note_clipped, read_camera, read_shutter
+from usd_scenes.reader.choices import Choices, ReadOptions
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.diagnostics import (
-    FROM_USD,
     leave_out_what_is_missing,
     note_warnings,
     open_stage,
@@ -29,8 +30,9 @@ from usd_scenes.reader.links import link_lights
 from usd_scenes.reader.listening import Heard, listening, tell_of_no_text
 from usd_scenes.reader.materials import MaterialReader
 from usd_scenes.reader.metadata import check_metadata, meters_per_unit, start_of
+from usd_scenes.reader.open_stages import OpenStages
 from usd_scenes.reader.policy import Policy
-from usd_scenes.reader.rereading import KeptScene
+from usd_scenes.reader.readings import StageReading, StageSurvey
 from usd_scenes.reader.settings import PURPOSES, Product, StageSettings, read_settings
 from usd_scenes.reader.shapes import ShapeReader
 from usd_scenes.reader.traversal import Met, walk
@@ -43,105 +45,32 @@ CONTAINERS = ("SkelRoot", "PointInstancer")
 """Boundable prims that draw nothing of their own."""
 
 
-@dataclass(frozen=True)
-class StageReading:
-    """What a stage came to.
-
-    Args:
-        scene: for the renderer.
-        resolution: width and height [pixel] of the stage's render settings, or None.
-        warnings: what of the stage is not rendered as it is written, one text each.
-        sources: what the stage wants in the image's planes, the sourceName of each RenderVar; None where it does not
-            say.
-        up_axis: ``Y`` or ``Z``.
-    """
-
-    scene: Scene
-    resolution: tuple[int, int] | None
-    warnings: tuple[str, ...]
-    sources: tuple[str, ...] | None = None
-    up_axis: str = "Y"
-
-
-@dataclass(frozen=True)
-class _Choices:
-    """What is asked of a stage; see `read_scene`."""
-
-    camera: str | None = None
-    frame: Frame | None = None
-    purposes: Sequence[str] | None = None
-    complexity: str = "high"
-    strict: bool = False
-    render_settings: str | None = None
-    product: str | None = None
-    asked_for: frozenset[str] = frozenset()
-
-
-@dataclass(frozen=True)
-class StageSurvey:
-    """What of a stage can be read, whatever is refused.
-
-    Args:
-        shapes: those that are accepted.
-        media: that they are filled with.
-        lights: those that are accepted, or the default ones where nothing else gives light.
-        camera: the one that is taken where none is asked for, or None where it is refused.
-        refusals: for what reading would stop.
-        warnings: what is mended, left out or not rendered as it is written: a text and the path that it holds for.
-        reading: what the stage came to, or None where it is refused.
-    """
-
-    shapes: tuple[Shape, ...]
-    media: tuple[Medium, ...]
-    lights: tuple[Light, ...]
-    camera: Camera | None
-    refusals: tuple[FgfError, ...]
-    warnings: tuple[tuple[str, str], ...]
-    reading: StageReading | None
-
-
 def read_scene(
-    path: str | Path,
-    *,
-    camera: str | None = None,
-    frame: Frame | None = None,
-    purposes: Sequence[str] | None = None,
-    complexity: str = "high",
-    strict: bool = False,
-    render_settings: str | None = None,
-    product: str | None = None,
-    edits: Edits | None = None,
-    stages: OpenStages | None = None,
+    path: str | Path, *, edits: Edits | None = None, stages: OpenStages | None = None, **options: Unpack[ReadOptions]
 ) -> StageReading:
     """Reads a USD file, and so validates it.
 
     Args:
         path: a .usd, .usda, .usdc or .usdz file.
-        camera: path or name of a camera; None takes the render settings', else the first, else a view from the
-            front that holds everything.
-        frame: time code at which attributes are sampled, or ``default``; None takes the stage's authored start, else
-            each attribute's earliest sample.
-        purposes: which geometry to read, of ``default``, ``render``, ``proxy`` and ``guide``; None takes the render
-            settings', else ``default`` and ``render``.
-        complexity: how far surfaces are subdivided, ``low``, ``medium``, ``high`` or ``veryhigh``.
-        strict: True where what is missing, such as a texture's file, is an error instead of a warning.
-        render_settings: path of the RenderSettings; None takes those that the stage's metadata name, else the first.
-        product: path of the RenderProduct that is meant; None takes the settings' first.
         edits: values in place of the file's.
         stages: which have been entered. Where nothing but numbers of lights has been edited since their last reading,
             only lights are read again.
+        **options: ``camera``, ``frame``, ``purposes``, ``complexity``, ``strict``, ``render_settings`` and ``product``;
+            see `ReadOptions`.
+
+    Returns:
+        The scene, and what of the stage is not rendered as it is written.
 
     Raises:
         EditError: for an edit of what is not there, or of a value that it does not take.
         SceneError: naming file, prim, attribute, the value found and what is accepted.
         UnsupportedFeatureError: for what cannot be rendered and cannot be left out.
     """
-    asked_for = frozenset(target.partition("[")[0] for target in edits or {})
-    choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product, asked_for)
+    choices = Choices(**options, asked_for=frozenset(target.partition("[")[0] for target in edits or {}))
     schema.register()
     with usd_errors_as_scene_errors(str(path)) as heard:
         stage = open_stage(Path(path))
-        with edited(stage, edits or {}, _time_code(stage, frame)):
+        with edited(stage, edits or {}, _time_code(stage, choices.frame)):
             again = stages.read_again(stage, choices, edits, heard) if stages and edits else None
             if again is not None:
                 return again
@@ -151,19 +80,13 @@ def read_scene(
             return _whole(survey)
 
 
-def read_stage(
-    stage: Usd.Stage,
-    *,
-    camera: str | None = None,
-    frame: Frame | None = None,
-    purposes: Sequence[str] | None = None,
-    complexity: str = "high",
-    strict: bool = False,
-    render_settings: str | None = None,
-    product: str | None = None,
-) -> StageReading:
-    """Reads a stage that is open already; otherwise as `read_scene`."""
-    choices = _Choices(camera, frame, purposes, complexity, strict, render_settings, product)
+def read_stage(stage: Usd.Stage, **options: Unpack[ReadOptions]) -> StageReading:
+    """Reads a stage that is open already; otherwise as `read_scene`.
+
+    Returns:
+        As `read_scene`; the source of the scene is the name of the root layer.
+    """
+    choices = Choices(**options)
     schema.register()
     source = _source(stage)
     with usd_errors_as_scene_errors(source) as heard:
@@ -180,6 +103,9 @@ def read_products(
         frame: as for `read_scene`; names of products may have samples.
         render_settings: as for `read_scene`.
 
+    Returns:
+        Those of the render settings in their order; where there are none, the settings' own.
+
     Raises:
         SceneError: for a stage that cannot be opened, or settings that are not there or out of their range.
     """
@@ -188,39 +114,6 @@ def read_products(
         stage = open_stage(Path(path))
         context = StageContext(stage=stage, time=_time_code(stage, frame), purposes=frozenset())
         return read_settings(context, render_settings).products
-
-
-class OpenStages:
-    """Within it, as a context, a file that is read again, as for another frame, is not opened again."""
-
-    def __init__(self) -> None:
-        self._cache = Usd.StageCache()
-        self._contexts: list[Usd.StageCacheContext] = []
-        self._last: tuple[StageReading, _Choices, KeptScene] | None = None
-
-    def __enter__(self) -> None:
-        self._contexts.append(Usd.StageCacheContext(self._cache))
-        self._contexts[-1].__enter__()
-
-    def __exit__(self, *raised: object) -> None:
-        self._contexts.pop().__exit__(*raised)
-
-    def keep(self, reading: StageReading, choices: _Choices, edits: Edits, context: StageContext) -> None:
-        """Keeps a reading of a stage that has these edits now, if another may differ in the lights' numbers alone."""
-        kept = None
-        if not any(text.startswith(FROM_USD) for text in reading.warnings):  # Whatever they are of.
-            kept = KeptScene.of(reading.scene, edits, context)
-        self._last = None if kept is None else (reading, choices, kept)
-
-    def read_again(self, stage: Usd.Stage, choices: _Choices, edits: Edits, heard: Heard) -> StageReading | None:
-        """What the stage comes to with the edits that it has now; None where it must be read as a whole."""
-        if self._last is None:
-            return None
-        reading, as_chosen, kept = self._last
-        if stage != kept.context.stage or choices != as_chosen:
-            return None
-        scene = kept.with_lights(edits)
-        return None if scene is None or heard.warnings() else replace(reading, scene=scene)
 
 
 def survey_stage(
@@ -240,11 +133,14 @@ def survey_stage(
         purposes: as for `read_scene`.
         strict: True where what would be mended or left out is among the refusals.
 
+    Returns:
+        All that could be read, with one entry for each refusal and each warning.
+
     Raises:
         SceneError: for what is asked for and is not there.
     """
     schema.register()
-    choices = _Choices(camera, frame, purposes, strict=strict)
+    choices = Choices(camera, frame, purposes, strict=strict)
     with listening() as heard:
         return _read(stage, _source(stage), choices, heard, refusals=[])[0]
 
@@ -259,7 +155,7 @@ def stage_context(stage: Usd.Stage, frame: Frame | None = None, policy: Policy |
 def _read(
     stage: Usd.Stage,
     source: str,
-    choices: _Choices,
+    choices: Choices,
     heard: Heard,
     refusals: list[FgfError] | None = None,
 ) -> tuple[StageSurvey, StageContext]:

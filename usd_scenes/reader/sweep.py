@@ -70,7 +70,11 @@ def sweep_polygon(corners: np.ndarray) -> np.ndarray | None:
 
 
 def doubled_areas(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Twice the signed areas of triangles in the plane, (.., 2) each, > 0 where they turn left."""
+    """Twice the signed areas of triangles in the plane, (.., 2) each, > 0 where they turn left.
+
+    Returns:
+        (..), in the square of the unit of the points.
+    """
     ab, ac = b - a, c - a
     return ab[..., 0] * ac[..., 1] - ab[..., 1] * ac[..., 0]
 

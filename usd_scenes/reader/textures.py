@@ -22,6 +22,9 @@ def read_image(attribute: Usd.Attribute, context: StageContext, color_space: Col
         color_space: that the file's colors are in.
         done: what is done without a picture, for the warning.
 
+    Returns:
+        Pixels (height, width, 4), see `ImageFiles.read`.
+
     Raises:
         SceneError: in place of the warning, where the stage is read strictly.
     """
@@ -42,6 +45,9 @@ def read_tiles(
         context: the stage.
         color_space: that the files' colors are in.
         done: what is done without any of them, for the warning.
+
+    Returns:
+        Pictures by (u, v), each coordinate an integer >= 0: 1001 is (0, 0), 1012 is (1, 1).
 
     Raises:
         SceneError: in place of a warning, where the stage is read strictly.

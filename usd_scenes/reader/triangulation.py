@@ -42,7 +42,12 @@ def cut_faces(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> np
 
 
 def signed_volume(points: np.ndarray, triangles: np.ndarray) -> float:
-    """Volume that a closed mesh encloses [unit^3], > 0 where its triangles face outwards."""
+    """Volume that a closed mesh encloses [unit^3], > 0 where its triangles face outwards.
+
+    Args:
+        points: (n, 3) float [unit].
+        triangles: (m, 3) int.
+    """
     centered = points - points.mean(axis=0)
     a, b, c = (centered[triangles[:, corner]] for corner in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)

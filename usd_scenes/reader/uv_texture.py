@@ -66,6 +66,9 @@ def read_texture_input(output: Output, context: StageContext, done: str) -> Text
         context: the stage.
         done: what is done without a picture, for the warning.
 
+    Returns:
+        The pictures, and how texels become values: channels, scale and bias, and where the texture is read.
+
     Raises:
         SceneError: in place of a warning, where the stage is read strictly.
     """
@@ -78,6 +81,9 @@ def constant_alpha(texture_input: TextureInput) -> float | None:
 
     Opacity is often connected to the alpha of a picture that has none. A surface that is known to be opaque takes far
     less time.
+
+    Returns:
+        Scale plus bias of the alpha, since the alpha of an opaque picture is 1.
     """
     texture = texture_input.texture
     has_bounds = texture.is_udim or "black" in (texture.wrap_s, texture.wrap_t)
@@ -95,6 +101,9 @@ def read_fallback(output: Output, accepted: Range, context: StageContext) -> tup
         output: of the texture.
         accepted: numbers of the input that it is connected to; what is out of them is mended.
         context: the stage.
+
+    Returns:
+        The numbers after scale and bias, mended into the accepted range.
     """
     attribute = value_of(output.shader, "fallback", context)
     if not attribute or not is_authored(attribute):

@@ -83,6 +83,14 @@ def count_crossings(mesh: Mesh, point: np.ndarray) -> int:
 
     Only the triangles that the ray's line passes are looked at, so this is much faster than the solid angles of
     `winding_number`. Of an edge, which two triangles share, both see the same side of the line.
+
+    Args:
+        mesh: closed, in world space.
+        point: (3,) float64, in world space.
+
+    Returns:
+        1 inside a mesh that faces outwards, 0 outside; more or less than that where the mesh lies in itself or is
+        turned.
     """
     points, triangles = np.asarray(mesh.points), np.asarray(mesh.triangles)
     above = points[:, 1] > point[1]

@@ -14,7 +14,8 @@ from usd_scenes.reader.diagnostics import note_warnings, open_stage, usd_errors_
 from usd_scenes.reader.frames import Frame, kind_of, name_of
 from usd_scenes.reader.notes import Notes
 from usd_scenes.reader.policy import OF_USD
-from usd_scenes.reader.stage import StageReading, survey_stage
+from usd_scenes.reader.readings import StageReading
+from usd_scenes.reader.stage import survey_stage
 from usd_scenes.validation.findings import MENDED, ORDER, OURS, Finding
 from usd_scenes.validation.media import check_binding, check_terminals, check_values
 from usd_scenes.validation.scene import check_survey
@@ -74,6 +75,9 @@ def validate_stage(
         frames: at least one; None is where the stage starts. USD's own validators look at no frame.
         asked: what is to be read; None is what is read where nothing is asked for.
         progress: see `Progress`.
+
+    Returns:
+        Each thing once, with the frames that it holds for; errors before warnings, and of one severity by path.
 
     Raises:
         SceneError: where there is no such file, it is none of USD, or what is asked for is not there.

@@ -10,7 +10,8 @@ from pxr import Usd, UsdGeom, UsdShade, UsdValidation
 from fgf_warp.errors import FgfError, OpenMeshError, SceneError
 from fgf_warp.scene import MAX_CONTAINERS, Camera, Light, bodies_of, encloses, shape_bounds
 from usd_scenes import schema
-from usd_scenes.reader.stage import StageSurvey, survey_stage
+from usd_scenes.reader.readings import StageSurvey
+from usd_scenes.reader.stage import survey_stage
 from usd_scenes.validation.compartments import (
     Compartment,
     Walls,

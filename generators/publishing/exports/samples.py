@@ -87,6 +87,9 @@ def splits_of(dataset: Dataset, index: pa.Table) -> list[Split]:
     Args:
         dataset: to export.
         index: its labels, see `generators.publishing.index`.
+
+    Returns:
+        In the order of `SPLITS`; of each split only the labels are read yet.
     """
     found = (Split(name, dataset, split_labels(index, name).drop_columns(OF_THE_DATASET)) for name in layout.SPLITS)
     return [split for split in found if split.labels.num_rows]
