@@ -17,7 +17,7 @@ import numpy as np
 import warp as wp
 
 from fgf_warp.errors import ConfigError
-from fgf_warp.features import required_features
+from fgf_warp.features import RenderFeatures, required_features
 from fgf_warp.film import begin, develop, film_bytes
 from fgf_warp.headers import load_on_cpu
 from fgf_warp.integrator.program import Program, build_program
@@ -134,7 +134,8 @@ def build_model(scene: Scene, settings: RenderSettings, variants: Sequence[Varia
     """
     images = tuple(variants) if variants is not None else (Variant(scene.media, settings.seed),)
     check_memory(settings, len(images))
-    program = prepare(scene.with_media(images[0].media), settings)
+    scene = scene.with_media(images[0].media)  # What is frozen decides which shells are bodies of their own.
+    program = prepare(scene, settings)
     media, seeds = [image.media for image in images], [image.seed for image in images]
     uploaded = upload(scene, settings, media, seeds, program)
     return Model(scene, settings, images, program, uploaded)
@@ -158,7 +159,13 @@ def batches(scene: Scene, variants: Sequence[Variant], settings: RenderSettings,
     """
     check_memory(settings, together)
     at_once = together * int(memory_in_force(settings) * GIB // (together * image_bytes(settings)))
-    for _, group in groupby(variants, lambda variant: required_features(scene.with_media(variant.media), settings)):
+
+    def kind(variant: Variant) -> tuple[RenderFeatures, list[bool]]:
+        """The same for images that one kernel renders with one set of bodies."""
+        features = required_features(scene.with_media(variant.media), settings)
+        return features, [medium.freezes_paths for medium in variant.media]
+
+    for _, group in groupby(variants, kind):
         images = list(group)
         for first in range(0, len(images), at_once):
             yield build_model(scene, settings, images[first : first + at_once])

@@ -61,6 +61,17 @@ def test_what_lies_apart_is_crossed_as_one(boxes, groups, cut):
     assert shells_of(mesh).are_plain == (max(groups) == 0)
 
 
+def test_a_shell_with_its_cavities_is_one_body():
+    """Whatever group it is in, and whatever bounds nothing beside it."""
+    hollow = (box(), box(0.5, inwards=True))
+    found = shells_of(
+        joined(box(at=(9, 0, 0)), *hollow, box(at=(1.5, 0, 0)), box(at=(0, 9, 0)), box(at=(0, 9, 0), inwards=True))
+    )
+    assert found.bodies[::12].tolist() == [0, 1, 1, 2, -1, -1]
+    assert found.groups[::12].tolist() == [0, 0, 0, 1, -1, -1]
+    assert found.body_count == 3
+
+
 def test_shells_that_touch_are_told_apart():
     assert layers(joined(box(), box(at=(2.0, 0, 0)))) == [0, 1]
     assert layers(joined(box(), box(at=(2.0, 2.0, 2.0)))) == [0, 1]

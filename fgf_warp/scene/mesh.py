@@ -98,20 +98,42 @@ class Mesh:
         """The mesh itself, or where shells of it overlap, nest or touch, several meshes of which none has such."""
         if not self._is_crossed or self._shells.are_plain:
             return (self,)
-        return tuple(self._body(group) for group in range(self._shells.count))
+        return tuple(self._part(self._shells.groups == group) for group in range(self._shells.count))
 
-    def _body(self, group: int) -> Mesh:
-        """A group of shells as a mesh of its own, on the same points."""
-        chosen = np.flatnonzero(self._shells.groups == group)
+    @property
+    def separate_count(self) -> int:
+        """Number of `separate_bodies`, which need not be made to be counted."""
+        return self._shells.body_count if self._is_crossed else 1
+
+    @cached_property
+    def separate_bodies(self) -> tuple[Mesh, ...]:
+        """The mesh itself, or where several shells of it lie apart, a mesh of each with its cavities."""
+        if self.separate_count == 1:
+            return (self,)
+        return tuple(self._part(self._shells.bodies == body, own_points=True) for body in range(self.separate_count))
+
+    def _part(self, is_part: np.ndarray, *, own_points: bool = False) -> Mesh:
+        """Some shells as a mesh of their own.
+
+        Args:
+            is_part: (m,) bool, the triangles of these shells.
+            own_points: whether it has the points of these shells alone, and not all of them.
+        """
+        chosen = np.flatnonzero(is_part)
         corners = np.where(self._shells.turned[chosen, None], [2, 1, 0], [0, 1, 2])
 
         def part(values: np.ndarray) -> np.ndarray:
             rows = values if len(values) == 1 else values[chosen]
             return rows if rows.shape[1] == 1 else np.take_along_axis(rows, corners[..., None], axis=1)
 
+        points, triangles = self.points, np.take_along_axis(self.triangles[chosen], corners, axis=1)
+        if own_points:
+            used, numbers = np.unique(triangles, return_inverse=True)
+            points, triangles = points[used], numbers.reshape(-1, 3).astype(np.int32)
         return replace(
             self,
-            triangles=np.take_along_axis(self.triangles[chosen], corners, axis=1),
+            points=points,
+            triangles=triangles,
             normals=None if self.normals is None else part(self.normals),
             primvars={name: part(values) for name, values in self.primvars.items()},
         )

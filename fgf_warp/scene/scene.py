@@ -14,7 +14,16 @@ from fgf_warp.scene.boxes import Box, box_around, boxes_meet, boxes_overlap
 from fgf_warp.scene.camera import Camera
 from fgf_warp.scene.lights import Light
 from fgf_warp.scene.medium import Medium
-from fgf_warp.scene.shapes import MAX_CONTAINERS, Shape, bodies_of, moves, shape_bounds, shape_widths
+from fgf_warp.scene.shapes import (
+    MAX_CONTAINERS,
+    Shape,
+    bodies_of,
+    moves,
+    separate_bodies_of,
+    separate_count,
+    shape_bounds,
+    shape_widths,
+)
 
 RESOLVED_DEPTH = 1e5
 """sigma_m times the largest coordinate: above it float32, which rounds by 6e-8, moves events by a hundredth of a mean
@@ -31,7 +40,8 @@ class Scene:
 
     Args:
         camera: where the picture is taken from.
-        shapes: surfaces and boundaries of media; of meshes of media their `bodies_of`.
+        shapes: surfaces and boundaries of media; of meshes of media their `bodies_of`, and of those whose medium
+            freezes paths their `separate_bodies_of`, as long as `MAX_CONTAINERS` allow.
         media: those that shapes are filled with, which name them by index.
         lights: the scene's light sources.
         meters_per_unit: of the stage, > 0; carried into the headers of files.
@@ -50,12 +60,18 @@ class Scene:
     source: str = ""
 
     def __post_init__(self) -> None:
-        bodies = tuple(body for shape in self.shapes for body in bodies_of(shape))
-        if bodies != self.shapes:  # Else the same tuple stays, by which one sees that another scene's are the same.
-            object.__setattr__(self, "shapes", bodies)
         for shape in self.shapes:
             if shape.medium is not None and not 0 <= shape.medium < len(self.media):
                 raise SceneError(f"{shape.name}: medium {shape.medium} is not one of the scene's {len(self.media)}")
+        bodies = tuple(body for shape in self.shapes for body in bodies_of(shape))
+        if parted := _shapes_to_part(bodies, self.media):
+            bodies = tuple(
+                body
+                for k, shape in enumerate(bodies)
+                for body in (separate_bodies_of(shape) if k in parted else (shape,))
+            )
+        if bodies != self.shapes:  # Else the same tuple stays, by which one sees that another scene's are the same.
+            object.__setattr__(self, "shapes", bodies)
         for index, medium in enumerate(self.media):
             if medium.line_variance == "exact" and (longest := self.longest_segment(index)) is not None:
                 medium.check_segments(longest)
@@ -90,7 +106,25 @@ class Scene:
                     f"sigma_m = {mean_extinction:g} with coordinates up to {reach:.3g}: float32 rounds positions by "
                     "more than a hundredth of a mean free path, and the picture of it is off by as much"
                 )
+        if names := self._frozen_as_one(index, medium):
+            found.append(
+                f"shells that lie apart in {', '.join(names)} share one extinction on a frozen path, since each by "
+                f"itself would be one of the {MAX_CONTAINERS} shapes that media may fill"
+            )
         return found
+
+    def _frozen_as_one(self, index: int, medium: Medium) -> list[str]:
+        """Names of the shapes that a medium freezes as one body though shells of theirs lie apart."""
+        several = [k for k in self._of_several_shells if self.shapes[k].medium == index]
+        if not several:
+            return []
+        parted = _shapes_to_part(self.shapes, (*self.media[:index], medium, *self.media[index + 1 :]))
+        return [self.shapes[k].name for k in several if medium.freezes_paths and k not in parted]
+
+    @cached_property
+    def _of_several_shells(self) -> tuple[int, ...]:
+        """Indices of shapes that are filled with a medium and have several `separate_bodies_of`."""
+        return tuple(k for k, shape in enumerate(self.shapes) if shape.medium is not None and separate_count(shape) > 1)
 
     def medium_extent(self, index: int) -> float | None:
         """The longest side of the bounding boxes of the shapes that a medium fills [stage unit]; None of none."""
@@ -212,6 +246,23 @@ class Scene:
         moved = replace(self, camera=camera)
         moved.__dict__["bounds"] = self.bounds
         return moved
+
+
+def _shapes_to_part(shapes: Sequence[Shape], media: Sequence[Medium]) -> set[int]:
+    """Indices of the shapes whose shells are to be bodies of their own: where they are frozen, each at its own rates.
+
+    That holds of one shape after the other, as long as no more than `MAX_CONTAINERS` bodies come of it.
+    """
+    freezing = {index for index, medium in enumerate(media) if medium.freezes_paths}
+    if not freezing:
+        return set()
+    found, room = set(), MAX_CONTAINERS - sum(shape.medium is not None for shape in shapes)
+    for k, shape in enumerate(shapes):
+        more = separate_count(shape) - 1 if shape.medium in freezing else 0
+        if 0 < more <= room:
+            found.add(k)
+            room -= more
+    return found
 
 
 def _diagonal(boxes: Sequence[Box]) -> float:

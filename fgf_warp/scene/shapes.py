@@ -231,11 +231,33 @@ def points_in(instances: Instances, point: np.ndarray) -> np.ndarray:
 
 def bodies_of(shape: Shape) -> tuple[Shape, ...]:
     """The shape itself, or in place of a mesh whose shells overlap, nest or touch, the `Mesh.bodies` of it."""
+    mesh = _mesh_of(shape)
+    return (shape,) if mesh is None else _in_its_place(shape, mesh.bodies)
+
+
+def separate_count(shape: Shape) -> int:
+    """Number of `separate_bodies_of` a shape."""
+    mesh = _mesh_of(shape)
+    return 1 if mesh is None else mesh.separate_count
+
+
+def separate_bodies_of(shape: Shape) -> tuple[Shape, ...]:
+    """The shape itself, or in place of a mesh of several shells, the `Mesh.separate_bodies` of it."""
+    mesh = _mesh_of(shape)
+    return (shape,) if mesh is None else _in_its_place(shape, mesh.separate_bodies)
+
+
+def _mesh_of(shape: Shape) -> Mesh | None:
+    """The mesh of a shape, or that its instances are of; None of solids."""
+    found = shape.prototype if isinstance(shape, Instances) else shape
+    return found if isinstance(found, Mesh) else None
+
+
+def _in_its_place(shape: Shape, parts: Sequence[Mesh]) -> tuple[Shape, ...]:
+    """Parts of the mesh of a shape, where they are instances as the shape is."""
     if isinstance(shape, Instances):
-        mesh = shape.prototype
-        of_mesh = mesh.bodies if isinstance(mesh, Mesh) else (mesh,)
-        return tuple(shape if body is mesh else replace(shape, prototype=body) for body in of_mesh)
-    return shape.bodies if isinstance(shape, Mesh) else (shape,)
+        return tuple(shape if part is shape.prototype else replace(shape, prototype=part) for part in parts)
+    return tuple(parts)
 
 
 def solids_in_tree(shapes: Sequence[Shape]) -> list[Solid | Instances]:

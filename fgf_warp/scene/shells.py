@@ -26,16 +26,24 @@ class Shells:
     Args:
         groups: (m,) int32, per triangle the number of its group, from 0 on; -1 of one that bounds nothing, since it is
             there twice, facing both ways. The shells of a group lie apart.
+        bodies: (m,) int32, per triangle the number of its body, a shell with its cavities, from 0 on; -1 where `groups`
+            are.
         turned: (m,) bool, those of shells that face inwards though nothing is around them.
     """
 
     groups: np.ndarray
+    bodies: np.ndarray
     turned: np.ndarray
 
     @property
     def count(self) -> int:
         """Number of groups; 0 where the mesh encloses no volume."""
         return int(self.groups.max(initial=-1)) + 1
+
+    @property
+    def body_count(self) -> int:
+        """Number of bodies; 0 where the mesh encloses no volume."""
+        return int(self.bodies.max(initial=-1)) + 1
 
     @property
     def are_plain(self) -> bool:
@@ -66,8 +74,14 @@ def find_shells(points: np.ndarray, triangles: np.ndarray, corners: np.ndarray) 
     bodies = shells.merged(around)
     is_shell &= ~bodies.are_flat[around]
     groups = bodies.color_groups(is_shell & (around == np.arange(len(around))))
-    of_shell = np.where(is_shell, groups[around], -1)
-    return Shells(np.where(is_kept, of_shell[labels], -1).astype(np.int32), is_kept & turned[labels])
+    numbers = np.cumsum(is_shell & (around == np.arange(len(around)))) - 1
+
+    def of_triangles(of_body: np.ndarray) -> np.ndarray:
+        """(m,) int32, of each triangle what its body has."""
+        of_shell = np.where(is_shell, of_body[around], -1)
+        return np.where(is_kept, of_shell[labels], -1).astype(np.int32)
+
+    return Shells(of_triangles(groups), of_triangles(numbers), is_kept & turned[labels])
 
 
 def weld(points: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fgf_warp.features import required_features
-from fgf_warp.renderer import render
+from fgf_warp.renderer import Variant, render, render_batch
 from fgf_warp.scene import DistantLight, DomeLight, Instances, Medium, Mesh, Scene, Solid, Surface
 from fgf_warp.settings import Aov, RenderSettings
 from fgf_warp.theory.bsdf import fresnel_dielectric
@@ -209,6 +209,67 @@ def test_a_shell_that_faces_inwards_alone_is_turned():
 def test_touching_shells_of_one_mesh_are_two_media():
     mesh = joined(block("mesh", "/a", 0, 1), block("mesh", "/b", -1, 0))
     assert_passed(scene_of(mesh), 1.0, 1.0)
+
+
+def apart(kind, spans=2):
+    """One mesh, or an instance of it, of slabs of 1 that are so far apart that boxes of their triangles do not meet."""
+    mesh = joined(*(block("mesh", "/apart", -40 * k, 1 - 40 * k) for k in range(spans)))
+    assert mesh.bodies == (mesh,)
+    return mesh if kind == "mesh" else Instances("/joined", mesh, np.eye(4)[None, :3])
+
+
+@pytest.mark.parametrize("kind", ["mesh", "instance"])
+def test_each_shell_that_lies_apart_is_frozen_at_rates_of_its_own(kind):
+    """Tr(1)^2 = 0.25, as of two prims; of one body whose two segments add up it is Tr(2) at b = 0.5: 0.29."""
+    mesh = apart(kind)
+    scene = scene_of(mesh, transport="mixed", **law_of(0.5, 1.0))
+    assert tr(scene, 1.0, 1.0) == pytest.approx(0.25, rel=1e-6)
+    assert_passed(scene, 1.0, 1.0)
+    # The other transports forget between them anyway, and cross the mesh as it is.
+    assert mesh in scene_of(mesh, transport="reciprocal", **law_of(0.5, 1.0)).shapes
+
+
+def test_a_sweep_takes_shells_apart_where_they_are_frozen():
+    """Of the scene that the images share the medium is not frozen."""
+    shared = scene_of(apart("mesh"), transport="reciprocal", **law_of(0.5, 1.0))
+    frozen = scene_of(apart("mesh"), transport="mixed", **law_of(0.5, 1.0))
+    assert len(frozen.shapes) == len(shared.shapes) + 1
+    variants = [Variant(scene.media, SETTINGS.seed) for scene in (shared, frozen, shared)]
+    found = list(render_batch(shared, variants, SETTINGS))
+    assert all(
+        np.array_equal(image.radiance, render(scene, SETTINGS).radiance)
+        for image, scene in zip(found, (shared, frozen, shared), strict=True)
+    )
+
+
+def test_a_cavity_stays_with_the_shell_around_it():
+    """Above and below it a frozen path has one rate, so that the two segments add up inside the law."""
+    outer, hole = block("mesh", "/a", -1, 1), block("mesh", "/b", -0.5, 0.5, wide=3.0)
+    mesh = joined(outer, replace(hole, triangles=hole.triangles[:, ::-1], medium=None), block("mesh", "/c", -60, -59))
+    scene = scene_of(mesh, transport="mixed", **law_of(0.5, 1.0))
+    assert [len(shape.triangles) for shape in scene.shapes if shape.name == "/joined"] == [24, 12]
+    share = scene.frozen_share(0, scene.media[0])
+    expected = (share * tr(scene, 1.0) + (1 - share) * tr(scene, 0.5, 0.5)) * tr(scene, 1.0)
+    mean, error = stats.image_mean(render(scene, SETTINGS))
+    stats.assert_means(mean, error, expected, detects=0.02)
+    assert abs(expected - tr(scene, 0.5, 0.5, 1.0)) > 5 * error, "keeping and forgetting look alike"
+
+
+def test_shells_for_which_there_is_no_room_stay_one_body_with_a_warning():
+    """Two of the 32 shapes are taken by `scene_of`; a mesh of 31 shells stays whole, and one of 3 finds room."""
+    many, few = apart("mesh", spans=31), replace(apart("mesh", spans=3), name="/few")
+    scene = scene_of(many, few, transport="mixed", **law_of(0.5, 1.0))
+    assert [shape.name for shape in scene.shapes if shape.medium == 0] == ["/joined", *["/few"] * 3]
+    (warning,) = (text for text in scene.medium_warnings(0, scene.media[0]) if "shells" in text)
+    assert warning.startswith("shells that lie apart in /joined share one extinction on a frozen path")
+    for other in (few, apart("mesh", spans=30)):
+        scene = scene_of(other, transport="mixed", **law_of(0.5, 1.0))
+        assert not any("shells" in text for text in scene.medium_warnings(0, scene.media[0]))
+    # A sweep asks about media in the place of the scene's.
+    scene = scene_of(many, transport="reciprocal", **law_of(0.5, 1.0))
+    assert not any("shells" in text for text in scene.medium_warnings(0, scene.media[0]))
+    mixed = replace(scene.media[0], transport="mixed")
+    assert any("shells" in text for text in scene.medium_warnings(0, mixed))
 
 
 def test_light_scattered_in_overlapping_shells_is_that_of_the_union():

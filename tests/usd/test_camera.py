@@ -10,8 +10,9 @@ import pytest
 from pxr import Gf, Usd, UsdGeom
 
 from fgf_warp.errors import SceneError
+from fgf_warp.scene import Camera
 from tests.usd.prims import CAMERA, HEADER, TWO_CAMERAS
-from usd_scenes.reader import read_scene
+from usd_scenes.reader import look_at, read_scene
 from usd_scenes.reader.bounds import scene_bounds
 
 ASSETS = Path(__file__).parents[3] / "shared" / "usd_assets"
@@ -238,3 +239,12 @@ def test_an_animated_camera_is_where_usd_has_it(frame: float) -> None:
 def test_a_shot_is_seen_through_its_camera() -> None:
     path = ASSETS / "PixarAnimationStudios__OpenUSD/extras/usd/tutorials/endToEnd/assets/shot.usd"
     assert read_scene(path).scene.camera.name == "/World/main_cam"
+
+
+@pytest.mark.parametrize("center", [(0.0, 1.0, -1e38), (0.0, 1e200, 0.0)])
+def test_a_camera_that_is_where_it_looks_is_refused_and_nothing_printed(center, recwarn) -> None:
+    """As far from the origin a distance of 6 is lost in rounding, or a square overflows."""
+    target = np.array(center)
+    with pytest.raises(SceneError, match="camera_to_world must be"):
+        Camera("/C", look_at(target + np.array([0, 0, 6.0]), target, np.array([0.0, 1.0, 0.0])))
+    assert not recwarn.list

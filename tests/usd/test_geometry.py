@@ -110,6 +110,27 @@ def test_lengths_must_be_positive(read, attribute: str, value: str) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [("Capsule", "height"), ("Cone", "radius"), ("Plane", "width"), ("Sphere", "radius"), ("Cylinder_1", "radiusTop")],
+)
+def test_lengths_that_overflow_are_told_and_nothing_is_computed_with_them(read, kind: str, name: str, recwarn) -> None:
+    prim = f'def {kind} "S"\n{{\n double {name} = 1e300\n}}'
+    reading = read(prim)
+    assert f"/S.{name} = 1e+300; accepted: at most 3.4e+38; the shape is left out" in reading.warnings
+    assert reading.scene.shapes == ()
+    assert not recwarn.list
+
+
+def test_numbers_that_overflow_print_nothing(read, recwarn) -> None:
+    """Transforms whose products are larger than any number, as of a light and a mesh."""
+    scale = 'float3 xformOp:scale = (1e38, 1e38, 1e38)\nuniform token[] xformOpOrder = ["xformOp:scale"]\n'
+    inner = f'def SphereLight "Lamp"\n{{\n{scale}}}\ndef Capsule "Ball"\n{{\n{scale}}}\n'
+    prim = f'def Xform "A"\n{{\n{scale}def Xform "B"\n{{\n{scale}{inner}}}\n}}\n'
+    assert {text.rpartition(": ")[2] for text in read(prim).warnings} >= {"/A/B/Lamp", "/A/B/Ball"}
+    assert not recwarn.list
+
+
 def test_what_is_not_rendered_is_named(read) -> None:
     kinds = ("BasisCurves", "HermiteCurves", "NurbsPatch", "NurbsCurves", "Points", "TetMesh", "Volume", "Nonsense")
     reading = read("".join(f'def {kind} "{kind}A"\n{{\n}}\ndef {kind} "{kind}B"\n{{\n}}\n' for kind in kinds))

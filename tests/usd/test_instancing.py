@@ -346,6 +346,14 @@ def _moved(x: float, y: float, z: float) -> np.ndarray:
             [0, 1],
             "3 entries, where there are 2 in protoIndices; no instance is hidden by its id: /P.ids",
         ),
+        *(
+            (
+                f"int[] protoIndices = [0, 0]\n{ids}\nint64[] invisibleIds = [2]",
+                [0, 1],
+                "is no array of integers of 64 bits; no instance is hidden by its id: /P.ids",
+            )
+            for ids in ("int[] ids = [1, 2]", "unknown[] ids = [1, 2]", "unknown ids = 3")
+        ),
     ],
 )
 def test_what_does_not_fit_costs_the_instances_that_it_is_of(read, lines: str, left: list[int], warning: str) -> None:

@@ -142,7 +142,6 @@ def test_a_stretched_sphere_light_keeps_its_volume_with_a_warning(read) -> None:
 @pytest.mark.parametrize(
     ("kind", "body", "name"),
     [
-        ("SphereLight", "bool treatAsPoint = 1", "treatAsPoint"),
         ("RectLight", "float inputs:diffuse = 0.5", "inputs:diffuse"),
         ("RectLight", "rel light:filters = </F>", "light:filters"),
     ],
@@ -151,9 +150,28 @@ def test_what_is_ignored_is_named(read, kind: str, body: str, name: str) -> None
     assert f"{name} of lights is not supported and is ignored: /Lamp" in read(light_prim(kind, body)).warnings
 
 
+BALL = 'def Sphere "Ball"\n{\n}\n'
+HINT = "is a hint that is not followed: the light has its radius: /Lamp"
+
+
+@pytest.mark.parametrize(("kind", "hint"), [("SphereLight", "treatAsPoint"), ("CylinderLight", "treatAsLine")])
+def test_a_light_that_may_be_without_a_radius_keeps_it(read, kind: str, hint: str) -> None:
+    """The hint is told in one sentence, of a light that gives light alone, and not where there is nothing to tell."""
+    reading = read(light_prim(kind, f"bool {hint} = 1") + BALL, light="")
+    assert reading.warnings == (f"{hint} {HINT}",)
+    (light,) = reading.scene.lights
+    assert light.radius == pytest.approx(0.5)
+    assert read(light_prim(kind, f"bool {hint} = 0") + BALL).warnings == ()
+    flat = 'float3 xformOp:scale = (0, 0, 0)\nuniform token[] xformOpOrder = ["xformOp:scale"]\n'
+    (warning,) = read(light_prim(kind, f"{flat}bool {hint} = 1") + BALL).warnings
+    assert warning.endswith("the light is left out: /Lamp")
+    point = f"float inputs:radius = 0\nbool inputs:normalize = 1\nbool {hint} = 1"
+    assert not any(hint in warning for warning in read(light_prim(kind, point) + BALL).warnings)
+
+
 def test_default_values_need_no_warning(read) -> None:
     light = light_prim("RectLight", "float inputs:diffuse = 1\nbool inputs:shadow:enable = 1")
-    assert read(light + 'def Sphere "Ball"\n{\n}\n').warnings == ()
+    assert read(light + BALL).warnings == ()
 
 
 # Images

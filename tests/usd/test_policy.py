@@ -515,7 +515,12 @@ def RenderVar "Var"
     ("old", "new", "warning", "camera"),
     [
         ("camera = </A>", "camera = </Gone>", "= /Gone; accepted: the path of a Camera; {}: /Product.camera", "/Y/B"),
-        ("[</Product>]", "[</Gone>]", "= /Gone; accepted: the paths of RenderProducts; {}: /Settings.products", "/Y/B"),
+        (
+            "[</Product>]",
+            "[</Gone>, </Product>]",
+            "= /Gone; accepted: the paths of RenderProducts; {}: /Settings.products",
+            "/A",
+        ),
         ("[</Var>]", "[</Var>, </A>]", "= /A; accepted: the paths of RenderVars; {}: /Product.orderedVars", "/A"),
         (
             "(64, 48)",
@@ -535,7 +540,7 @@ def test_render_settings_are_mended(mended, old: str, new: str, warning: str, ca
     reading = mended(TWO_CAMERAS + SETTINGS.replace(old, new, 1) + BALL, warning.format("it is left out"), camera="")
     assert reading.scene.camera.name == camera
     assert reading.resolution == (None if "(64, 0)" in new else (64, 48))
-    assert reading.sources == (None if "Product" in old else ("Ci",))
+    assert reading.sources == ("Ci",)
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,35 @@ def test_without_render_settings_there_is_no_resolution(read) -> None:
     assert read("").resolution is None
 
 
+PRODUCT = 'def RenderProduct "P"\n{\n rel camera = </A>\n rel orderedVars = [</V>]\n}\n'
+VAR = 'def RenderVar "V"\n{\n uniform string sourceName = "Ci"\n}\n'
+BALL = 'def Sphere "Ball"\n{\n}\n'
+
+
+def test_products_and_vars_that_nothing_names_are_told(read) -> None:
+    product = "a RenderProduct that no RenderSettings names in its products is left out: /P"
+    var = "a RenderVar that no RenderProduct names in its orderedVars is left out: /V"
+    named = SETTINGS.replace("rel camera", "rel products = </P>\n rel camera")
+    stage = TWO_CAMERAS + BALL
+    assert read(stage + named + PRODUCT + VAR, camera="").warnings == ()
+    assert read(stage + SETTINGS + PRODUCT + VAR, camera="").warnings == (product,)
+    assert read(stage + SETTINGS + VAR, camera="").warnings == (var,)
+    assert product in read(stage + PRODUCT + VAR, camera="").warnings  # Without RenderSettings too.
+
+
+def test_products_of_settings_that_were_not_chosen_need_no_warning(read) -> None:
+    header = HEADER.replace("(\n", '(\n    renderSettingsPrimPath = "/Settings"\n', 1)
+    other = SETTINGS.replace('Settings"', 'Other"').replace("rel camera", "rel products = </P>\n rel camera")
+    reading = read(TWO_CAMERAS + SETTINGS + other + PRODUCT + VAR + BALL, header=header, camera="")
+    assert reading.warnings == ()
+
+
+def test_where_the_only_product_is_not_there_the_settings_are_used(read) -> None:
+    gone = SETTINGS.replace("rel camera", "rel products = </Gone>\n rel camera")
+    reading = read(TWO_CAMERAS + gone + BALL, camera="")
+    assert (reading.scene.camera.name, reading.sources) == ("/Y/B", None)
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

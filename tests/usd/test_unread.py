@@ -154,3 +154,116 @@ def test_a_name_is_looked_into_once_for_all_prims_of_a_type(monkeypatch) -> None
         check.check(prim)
     assert looked == ["intensity"]
     assert len(context.notes.entries()) == 10_000
+
+
+def test_relationships_that_are_named_like_operations_are_told(read) -> None:
+    prim = 'def Sphere "P"\n{\nrel xformOp:scale = </P>\n}\n'
+    assert read(prim).warnings == ("/P.xformOp:scale is not read: xformOpOrder does not name it",)
+
+
+@pytest.mark.parametrize("kind", ["unknown[]", "unknown"])
+def test_an_order_of_another_type_is_left_out(read, kind: str) -> None:
+    """Neither USD nor this reader makes anything of it."""
+    value = '["xformOp:scale"]' if "[" in kind else '"xformOp:scale"'
+    ball = f'def Sphere "P"\n{{\nfloat3 xformOp:scale = (2, 2, 2)\nuniform {kind} xformOpOrder = {value}\n}}\n'
+    order, scale = read(ball).warnings
+    assert order.startswith("/P.xformOpOrder = ")
+    assert order.endswith("; accepted: an array of tokens; it is left out")
+    assert scale == "/P.xformOp:scale is not read: xformOpOrder does not name it"
+    with pytest.raises(SceneError, match=r"/P.xformOpOrder = .*; accepted: an array of tokens"):
+        read(ball, strict=True)
+
+
+# Variants
+
+
+def varied(selections: str, more: str = "") -> str:
+    """A prim with a variant set of two balls."""
+    return f"""def Xform "V" (
+    variants = {{
+        {selections}
+    }}
+    prepend variantSets = "look"
+)
+{{
+    {more}
+    variantSet "look" = {{
+        "red" {{
+            def Sphere "Red"
+            {{
+            }}
+        }}
+        "blue" {{
+            def Sphere "Blue"
+            {{
+            }}
+        }}
+    }}
+}}
+"""
+
+
+def test_a_variant_that_is_not_there_is_told(read) -> None:
+    found = "selects gone of the variant set look; accepted: blue, red"
+    reading = read(BALL + varied('string look = "gone"'))
+    assert reading.warnings == (f"/V {found}; none is used",)
+    assert [shape.name for shape in reading.scene.shapes] == ["/Ball"]
+    with pytest.raises(SceneError, match=f"/V {found}"):
+        read(BALL + varied('string look = "gone"'), strict=True)
+
+
+def test_a_variant_set_that_is_not_there_is_told(read) -> None:
+    reading = read(varied('string look = "red"\nstring size = "big"'), strict=True)
+    assert reading.warnings == ("/V selects big of a variant set size, which is not there; it is of no effect",)
+    assert [shape.name for shape in reading.scene.shapes] == ["/V/Red"]
+
+
+@pytest.mark.parametrize("selection", ['string look = "blue"', 'string look = ""', ""])
+def test_variants_that_are_there_or_not_chosen_need_no_warning(read, selection: str) -> None:
+    assert read(BALL + varied(selection)).warnings == ()
+
+
+# Collections
+
+
+def collection(includes: str, excludes: str = "") -> str:
+    return f"""def Xform "G" (
+    prepend apiSchemas = ["CollectionAPI:some", "CollectionAPI:other"]
+)
+{{
+    rel collection:some:includes = [{includes}]
+    rel collection:some:excludes = [{excludes}]
+}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("includes", "excludes", "of"),
+    [
+        ("</Ball>, </Gone>", "", "includes = /Gone"),
+        ("</Ball>", "</Gone/Below>", "excludes = /Gone/Below"),
+        ("</Ball.gone>", "", "includes = /Ball.gone"),
+        ("</Ball.collection:gone>", "", "includes = /Ball.collection:gone"),
+    ],
+)
+def test_members_of_collections_that_are_not_there_are_told(read, includes: str, excludes: str, of: str) -> None:
+    prims = BALL + collection(includes, excludes)
+    assert read(prims).warnings == (f"/G.collection:some:{of}, which is not there; it is left out",)
+    with pytest.raises(SceneError, match=f"/G.collection:some:{of}, which is not there"):
+        read(prims, strict=True)
+
+
+def test_members_of_what_a_light_is_linked_to_are_told_once(read) -> None:
+    light = """def SphereLight "Lamp"
+{
+    rel collection:lightLink:includes = [</Gone>, </Ball>]
+    uniform bool collection:lightLink:includeRoot = 0
+}
+"""
+    reading = read(BALL + light)
+    assert reading.warnings == ("/Lamp.collection:lightLink:includes = /Gone, which is not there; it is left out",)
+
+
+def test_members_of_collections_that_are_there_need_no_warning(read) -> None:
+    prims = BALL + collection("</Ball>, </G>, </Ball.radius>, </G.collection:other>", "</Ball>")
+    assert read(prims, strict=True).warnings == ()

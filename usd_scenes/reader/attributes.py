@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from pxr import Sdf, Usd, UsdShade
+from pxr import Sdf, Usd, UsdShade, Vt
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import Rgb
@@ -314,6 +314,24 @@ def read_token(attribute: Usd.Attribute, time: Usd.TimeCode, accepted: tuple[str
     if value is not None and value not in accepted:
         raise _refusal(attribute, value, ", ".join(accepted), is_word=True)
     return value
+
+
+def read_words(attribute: Usd.Attribute, context: StageContext, time: Usd.TimeCode) -> tuple[str, ...]:
+    """An array of tokens; none, with a warning, where it is something else.
+
+    Args:
+        attribute: may be undefined.
+        context: the stage, which is told of what is left out.
+        time: where it is sampled.
+
+    Raises:
+        SceneError: in place of the warning, where the stage is read strictly.
+    """
+    value = attribute.Get(time) if attribute else None
+    if value is None or isinstance(value, Vt.TokenArray | Vt.StringArray):
+        return tuple(value or ())
+    context.mend(f"= {value}; accepted: an array of tokens; it is left out", attribute.GetPath())
+    return ()
 
 
 def as_written(number: float) -> float:

@@ -167,6 +167,7 @@ def default_camera(shapes: Iterable[Shape], up_axis: str) -> Camera:
     return Camera(name=DEFAULT_CAMERA, camera_to_world=look_at(eye, center, up))
 
 
+@np.errstate(all="ignore")
 def look_at(eye: np.ndarray, target: np.ndarray, up: np.ndarray) -> np.ndarray:
     """(4, 4) camera-to-world matrix of a camera at `eye` that looks at `target`.
 
@@ -176,7 +177,8 @@ def look_at(eye: np.ndarray, target: np.ndarray, up: np.ndarray) -> np.ndarray:
         up: (3,), of any length, not along the view.
 
     Returns:
-        float64, whose columns are right, up, backward and the eye: it looks along its own -z.
+        float64, whose columns are right, up, backward and the eye: it looks along its own -z. It is not finite where
+        there is no such camera, as where the points coincide in float64, and no `Camera` takes it then.
     """
     backward = (eye - target) / np.linalg.norm(eye - target)
     right = _cross(up, backward)

@@ -11,8 +11,9 @@ from pxr import Pcp, Tf, Usd
 
 from fgf_warp.errors import FgfError, SceneError
 from usd_scenes.reader.context import StageContext
+from usd_scenes.reader.listening import Heard, listening
 from usd_scenes.reader.notes import Notes
-from usd_scenes.reader.policy import commentary_of
+from usd_scenes.reader.policy import OF_USD, text_of
 
 STAGE_ADDRESS = re.compile(r"\s*\([^()]* on stage @.*$", re.DOTALL)
 """USD ends warnings with the stage's address in memory, which differs from run to run."""
@@ -28,27 +29,25 @@ CYCLES = (Pcp.ErrorType_ArcCycle, Pcp.ErrorType_SublayerCycle)
 
 
 @contextmanager
-def usd_errors_as_scene_errors(source: str) -> Iterator[Tf.DiagnosticTrap]:
+def usd_errors_as_scene_errors(source: str) -> Iterator[Heard]:
     """Keeps USD's messages off the terminal, and names `source` in front of every error.
 
     Args:
         source: the file, as the user wrote it.
 
     Yields:
-        The trap that holds USD's warnings.
+        What USD warns of.
 
     Raises:
         FgfError: of the class that was raised inside, or SceneError for an error of USD.
     """
-    with Tf.DiagnosticTrap() as trap:
+    with listening() as heard:
         try:
-            yield trap
-        except Tf.ErrorException as error:
-            raise SceneError(_named(source, _first_line(commentary_of(error.args[0])))) from None
+            yield heard
+        except OF_USD as error:
+            raise SceneError(_named(source, _first_line(text_of(error)))) from None
         except FgfError as error:
             raise type(error)(_named(source, str(error))) from error
-        finally:
-            trap.Clear()
 
 
 def open_stage(path: Path) -> Usd.Stage:
@@ -85,11 +84,11 @@ def leave_out_what_is_missing(context: StageContext) -> None:
         context.mend(_found_and_done(error, context.stage), error.rootSite.path)
 
 
-def note_warnings(trap: Tf.DiagnosticTrap, notes: Notes, stage: Usd.Stage) -> None:
+def note_warnings(heard: Heard, notes: Notes, stage: Usd.Stage) -> None:
     """Hands on what USD warned of, but for what `leave_out_what_is_missing` has told."""
     told = {_on_one_line(str(error)) for error in stage.GetCompositionErrors()}
-    for warning in trap.GetWarnings():
-        text = _on_one_line(STAGE_ADDRESS.sub("", commentary_of(warning)))
+    for warning in heard.warnings():
+        text = _on_one_line(STAGE_ADDRESS.sub("", warning))
         if IN_PRIM.sub("", text) not in told:
             notes.add(f"{FROM_USD}{text}")
 

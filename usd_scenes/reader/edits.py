@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom, Vt
 
 from fgf_warp.errors import SceneError
 from usd_scenes.reader.attributes import plain_source
@@ -103,7 +103,8 @@ def _find_attribute(prim: Usd.Prim, name: str, target: str) -> Usd.Attribute:
     if source is None or source.GetPath() != attribute.GetPath():
         taken = "that of a shader" if source is None else f"that of {source.GetPath()}"
         raise EditError(f"{target}: is connected, so its own value is not taken but {taken}")
-    if name.startswith("xformOp:") and name not in (UsdGeom.Xformable(prim).GetXformOpOrderAttr().Get() or ()):
+    order = UsdGeom.Xformable(prim).GetXformOpOrderAttr().Get()
+    if name.startswith("xformOp:") and name not in (order if isinstance(order, Vt.TokenArray) else ()):
         raise EditError(f"{target}: is of no effect, since xformOpOrder of {prim.GetPath()} does not name it")
     return attribute
 

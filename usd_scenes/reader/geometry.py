@@ -8,6 +8,8 @@ from typing import Literal
 import numpy as np
 from pxr import Usd, UsdGeom
 
+from fgf_warp.errors import SceneError
+from fgf_warp.scene import FLOAT32_MAX
 from usd_scenes.reader.attributes import NOT_NEGATIVE, POSITIVE, read_number, read_token
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.mesh import Form
@@ -204,8 +206,19 @@ def _radii(prim: Usd.Prim, context: StageContext) -> tuple[float, float]:
 
 
 def _non_negative(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> float:
-    return read_number(prim.GetAttribute(name), time, NOT_NEGATIVE)
+    return _bounded(prim, name, read_number(prim.GetAttribute(name), time, NOT_NEGATIVE))
 
 
 def _length(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> float:
-    return read_number(prim.GetAttribute(name), time, POSITIVE)
+    return _bounded(prim, name, read_number(prim.GetAttribute(name), time, POSITIVE))
+
+
+def _bounded(prim: Usd.Prim, name: str, length: float) -> float:
+    """A length that its square and what is made of it do not overflow.
+
+    Raises:
+        SceneError: for one that is larger.
+    """
+    if length > FLOAT32_MAX:
+        raise SceneError(f"{prim.GetPath()}.{name} = {length:g}; accepted: at most {FLOAT32_MAX:.3g}")
+    return length

@@ -229,7 +229,10 @@ def _shown(instancer: UsdGeom.PointInstancer, chosen: np.ndarray, n_roots: int, 
             instancer.GetProtoIndicesAttr().GetPath(),
         )
     ids = instancer.GetIdsAttr().Get(context.time)
-    if ids is not None and len(ids) not in (0, len(chosen)):
+    if ids is not None and not isinstance(ids, Vt.Int64Array):
+        text = "is no array of integers of 64 bits; no instance is hidden by its id"
+        context.mend(text, instancer.GetIdsAttr().GetPath())
+    elif ids is not None and len(ids) not in (0, len(chosen)):
         text = f"{len(ids)} entries, where there are {len(chosen)} in protoIndices; no instance is hidden by its id"
         context.mend(text, instancer.GetIdsAttr().GetPath())
     else:

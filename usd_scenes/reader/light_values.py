@@ -29,10 +29,10 @@ HARMLESS: dict[str, object] = {
     "inputs:shadow:distance": -1.0,
     "inputs:shadow:falloff": -1.0,
     "inputs:shaping:ies:file": None,
-    "treatAsLine": False,
-    "treatAsPoint": False,
 }
 """Attributes of lights that are not rendered, and the values at which that needs no warning."""
+HINTS = ("treatAsLine", "treatAsPoint")
+"""That a light may be rendered as if it had no radius."""
 RELATIONSHIPS_NOT_READ = ("light:filters", "portals")
 LIGHTS_WITHOUT_A_PLACE = ("DistantLight", "DomeLight", "DomeLight_1")
 EXPOSURE = Range("[-127, 127]", -127.0, 127.0, is_cut=False)
@@ -160,10 +160,18 @@ def note_not_read(prim: Usd.Prim, context: StageContext) -> None:
         context.notes.add("a light that moves is rendered where it is when the shutter opens", prim.GetPath())
 
 
+def note_hints(prim: Usd.Prim, context: StageContext) -> None:
+    """Tells that a light that gives light does so from all of its surface, unless its radius is 0, as it is to be."""
+    for name in HINTS:
+        hint, radius = prim.GetAttribute(name), prim.GetAttribute("inputs:radius")
+        if is_authored(hint) and hint.Get(context.time) and radius and radius.Get(context.time) != 0:
+            context.notes.add(f"{name} is a hint that is not followed: the light has its radius", prim.GetPath())
+
+
 def _ignored(prim: Usd.Prim, time: Usd.TimeCode) -> Iterator[str]:
     for name, harmless in HARMLESS.items():
         attribute = prim.GetAttribute(name)
-        if is_authored(attribute) and _plain(attribute.Get(time)) != harmless and not _is_point(prim, name, time):
+        if is_authored(attribute) and _plain(attribute.Get(time)) != harmless:
             yield f"{name} of lights"
     if prim.GetTypeName() in LIGHTS_WITHOUT_A_PLACE and _shapes(prim, time):
         yield f"ShapingAPI of a {prim.GetTypeName()}"
@@ -179,11 +187,6 @@ def _ignored(prim: Usd.Prim, time: Usd.TimeCode) -> Iterator[str]:
 def _plain(value: object) -> object:
     """The value, or None of the path of nothing."""
     return None if isinstance(value, Sdf.AssetPath) and not value.path else value
-
-
-def _is_point(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> bool:
-    """True of treatAsPoint and treatAsLine where the light's radius is 0: it is treated so."""
-    return name in ("treatAsPoint", "treatAsLine") and prim.GetAttribute("inputs:radius").Get(time) == 0
 
 
 def _shapes(prim: Usd.Prim, time: Usd.TimeCode) -> bool:

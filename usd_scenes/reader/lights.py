@@ -29,6 +29,7 @@ from usd_scenes.reader.light_values import (
     CONE,
     axis,
     emission,
+    note_hints,
     note_not_read,
     number,
     read_shaping,
@@ -264,6 +265,8 @@ def read_light(prim: Usd.Prim, context: StageContext) -> Light | None:
         return None
     note_not_read(prim, context)
     light = reader(prim, context)
+    if light:
+        note_hints(prim, context)
     if light and read_mended_flag(prim.GetAttribute("inputs:normalize"), context):
         return replace(light, radiance=scaled(light.radiance, 1 / _extent(light)))
     return light

@@ -111,7 +111,6 @@ def _membership(collection: Usd.CollectionAPI, paths: Sequence[Sdf.Path], contex
     includes, excludes = collection.GetIncludesRel().GetTargets(), collection.GetExcludesRel().GetTargets()
     expression = collection.GetMembershipExpressionAttr()
     includes_root = collection.GetIncludeRootAttr().Get(context.time)
-    _tell_missing(collection, context)
     if includes_root and not excludes and not expression.HasAuthoredValue():
         return None
     stage = context.stage
@@ -119,10 +118,3 @@ def _membership(collection: Usd.CollectionAPI, paths: Sequence[Sdf.Path], contex
         if UsdGeom.Subset(stage.GetPrimAtPath(path)) and path not in paths:
             context.notes.add("a light cannot be linked to a part of a mesh that has no material of its own", path)
     return collection.ComputeMembershipQuery().IsPathIncluded
-
-
-def _tell_missing(collection: Usd.CollectionAPI, context: StageContext) -> None:
-    for relationship in (collection.GetIncludesRel(), collection.GetExcludesRel()):
-        for path in relationship.GetTargets():
-            if not context.stage.GetPrimAtPath(path.GetPrimPath()):
-                context.mend(f"= {path}, which is not there; it is left out", relationship.GetPath())

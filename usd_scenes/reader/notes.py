@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 PATHS_SHOWN = 5
-VALUES = ("= ", "is ", "spans ", "holds ", "has ", "adds up ", "names ")
+VALUES = ("= ", "is ", "spans ", "holds ", "has ", "adds up ", "names ", "selects ")
 """What a text begins with that goes on from the path of an attribute."""
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pxr import Tf, Usd
+from pxr import Usd
 
 from usd_scenes.reader.choices import Choices
 from usd_scenes.reader.context import StageContext
 from usd_scenes.reader.diagnostics import FROM_USD
 from usd_scenes.reader.edits import Edits
+from usd_scenes.reader.listening import Heard
 from usd_scenes.reader.readings import StageReading
 from usd_scenes.reader.rereading import KeptScene
 
@@ -36,9 +37,7 @@ class OpenStages:
             kept = KeptScene.of(reading.scene, edits, context)
         self._last = None if kept is None else (reading, choices, kept)
 
-    def read_again(
-        self, stage: Usd.Stage, choices: Choices, edits: Edits, trap: Tf.DiagnosticTrap
-    ) -> StageReading | None:
+    def read_again(self, stage: Usd.Stage, choices: Choices, edits: Edits, heard: Heard) -> StageReading | None:
         """What the stage comes to with the edits that it has now; None where it must be read as a whole."""
         if self._last is None:
             return None
@@ -46,4 +45,4 @@ class OpenStages:
         if stage != kept.context.stage or choices != as_chosen:
             return None
         scene = kept.with_lights(edits)
-        return None if scene is None or trap.GetWarnings() else replace(reading, scene=scene)
+        return None if scene is None or heard.warnings() else replace(reading, scene=scene)

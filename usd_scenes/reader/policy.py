@@ -19,6 +19,9 @@ from pxr import Tf
 from fgf_warp.errors import FgfError, MediumError, SceneError
 from usd_scenes.reader.notes import VALUES, Notes
 
+OF_USD = (Tf.ErrorException, UnicodeDecodeError)
+"""What USD raises; the latter for names, as of applied schemas, that are not UTF-8."""
+
 
 @dataclass(frozen=True, eq=False)
 class Policy:
@@ -64,7 +67,7 @@ class Policy:
             yield
         except MediumError:
             raise
-        except (SceneError, Tf.ErrorException) as error:
+        except (SceneError, *OF_USD) as error:
             if bounds_medium():
                 raise MediumError(_text(error)) from error
             text = _text(error)
@@ -79,7 +82,7 @@ class Policy:
         """Keeps an error of what is read inside for `refusals`, where errors are collected."""
         try:
             yield
-        except (FgfError, Tf.ErrorException) as error:
+        except (FgfError, *OF_USD) as error:
             self._refuse(error)
 
     def _refuse(self, error: Exception) -> None:
@@ -96,8 +99,15 @@ def commentary_of(told: object) -> str:
         return "the file is damaged: what USD says of it is no text"
 
 
+def text_of(error: Tf.ErrorException | UnicodeDecodeError) -> str:
+    """What one of `OF_USD` says."""
+    if isinstance(error, UnicodeDecodeError):
+        return "the file is damaged: a name in it is no text"
+    return commentary_of(error.args[0])
+
+
 def _text(error: Exception) -> str:
-    return " ".join(commentary_of(error.args[0]).split()) if isinstance(error, Tf.ErrorException) else str(error)
+    return " ".join(text_of(error).split()) if isinstance(error, OF_USD) else str(error)
 
 
 def _blamed(path: str, text: str) -> tuple[str, str]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, UsdRender, Vt
+from pxr import Sdf, Usd, UsdGeom, UsdRender
 
 from fgf_warp.errors import SceneError
 from fgf_warp.scene import CONFORM_POLICIES, ConformPolicy
@@ -16,6 +17,7 @@ from usd_scenes.reader.attributes import (
     read_mended,
     read_mended_flag,
     read_mended_token,
+    read_words,
 )
 from usd_scenes.reader.context import StageContext
 
@@ -26,6 +28,8 @@ LINEAR_SPACES = ("lin_rec709", "lin_rec709_scene")
 """Names of the color space that images are rendered in."""
 FULL_BINDING = ("full", "")
 """Purposes of the materials that are rendered."""
+NAMED_BY = {UsdRender.Product: (UsdRender.Settings, "products"), UsdRender.Var: (UsdRender.Product, "orderedVars")}
+"""What is rendered only where a relationship of such a prim names it."""
 READ_SOURCE_TYPES = ("raw", "intrinsic")
 
 
@@ -95,7 +99,10 @@ def read_settings(context: StageContext, asked: str | None = None) -> StageSetti
     Raises:
         SceneError: for settings that are asked for and not there, or for what is mended, where it is read strictly.
     """
-    settings = _find_settings(context, asked)
+    prims = [prim for prim in context.stage.Traverse() if prim.GetTypeName().startswith("Render")]
+    by_type = {kind: [prim for prim in prims if prim.IsA(kind)] for kind in (*NAMED_BY, UsdRender.Settings)}
+    _note_unnamed(by_type, context)
+    settings = _find_settings(by_type[UsdRender.Settings], context, asked)
     if settings is None:
         return StageSettings()
     _note_what_is_not_read(settings, context)
@@ -106,9 +113,18 @@ def read_settings(context: StageContext, asked: str | None = None) -> StageSetti
     )
 
 
-def _find_settings(context: StageContext, asked: str | None) -> Usd.Prim | None:
+def _note_unnamed(by_type: Mapping[type, Sequence[Usd.Prim]], context: StageContext) -> None:
+    """Tells of products and render vars that are in the stage and that nothing asks for."""
+    for kind, (of, name) in NAMED_BY.items():
+        named = {path for prim in by_type[of] for path in _targets(prim, name)}
+        for prim in by_type[kind]:
+            if prim.GetPath() not in named:
+                text = f"a Render{kind.__name__} that no Render{of.__name__} names in its {name} is left out"
+                context.notes.add(text, prim.GetPath())
+
+
+def _find_settings(there_are: Sequence[Usd.Prim], context: StageContext, asked: str | None) -> Usd.Prim | None:
     stage = context.stage
-    there_are = [prim for prim in stage.Traverse() if prim.IsA(UsdRender.Settings)]
     if asked is not None:
         found = [prim for prim in there_are if str(prim.GetPath()) == asked]
         if not found:
@@ -192,7 +208,7 @@ def _read_purposes(settings: Usd.Prim, context: StageContext) -> tuple[str, ...]
     attribute = settings.GetAttribute("includedPurposes")
     if not is_authored(attribute):
         return None
-    asked = _words(attribute, context)
+    asked = read_words(attribute, context, context.time)
     known = tuple(purpose for purpose in map(str.lower, asked) if purpose in PURPOSES)
     if unknown := [purpose for purpose in asked if purpose not in PURPOSES]:
         # Without any purpose nothing would be seen.
@@ -225,15 +241,6 @@ def _camera_path(prim: Usd.Prim, context: StageContext) -> str | None:
     return str(targets[0])
 
 
-def _words(attribute: Usd.Attribute, context: StageContext) -> tuple[str, ...]:
-    """An array of tokens; none, with a warning, where it is something else."""
-    value = attribute.Get(context.time) if attribute else None
-    if value is None or isinstance(value, Vt.TokenArray | Vt.StringArray):
-        return tuple(value or ())
-    context.mend(f"= {value}; accepted: an array of tokens; it is left out", attribute.GetPath())
-    return ()
-
-
 def _targets(prim: Usd.Prim, name: str) -> list[Sdf.Path]:
     relationship = prim.GetRelationship(name)
     return list(relationship.GetForwardedTargets()) if relationship else []
@@ -248,7 +255,7 @@ def _numbers(attribute: Usd.Attribute, time: Usd.TimeCode, count: int, dtype: ty
 
 def _note_what_is_not_read(settings: Usd.Prim, context: StageContext) -> None:
     purposes = settings.GetAttribute("materialBindingPurposes")
-    asked = tuple("" if purpose == "allPurpose" else purpose for purpose in _words(purposes, context))
+    asked = tuple("" if purpose == "allPurpose" else purpose for purpose in read_words(purposes, context, context.time))
     if asked not in (FULL_BINDING, FULL_BINDING[:1]) and (asked != ("",) or _has_full_binding(context.stage)):
         context.notes.add("materials are those bound for the purpose full, whatever it says", purposes.GetPath())
     space = settings.GetAttribute("renderingColorSpace")

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Unpack
 
-from pxr import Tf, Usd, UsdGeom, UsdShade, UsdSkel
+import numpy as np
+from pxr import Usd, UsdGeom, UsdShade, UsdSkel
 
 from fgf_warp.errors import FgfError, SceneError
 from fgf_warp.scene import Camera, Light, Scene, Shape
@@ -26,6 +27,7 @@ from usd_scenes.reader.edits import Edits, edited
 from usd_scenes.reader.frames import Frame
 from usd_scenes.reader.lights import DEFAULT_DOME, default_lights, emitting_meshes, is_light, read_light
 from usd_scenes.reader.links import link_lights
+from usd_scenes.reader.listening import Heard, listening, tell_of_no_text
 from usd_scenes.reader.materials import MaterialReader
 from usd_scenes.reader.metadata import check_metadata, meters_per_unit, start_of
 from usd_scenes.reader.open_stages import OpenStages
@@ -66,13 +68,13 @@ def read_scene(
     """
     choices = Choices(**options, asked_for=frozenset(target.partition("[")[0] for target in edits or {}))
     schema.register()
-    with usd_errors_as_scene_errors(str(path)) as trap:
+    with usd_errors_as_scene_errors(str(path)) as heard:
         stage = open_stage(Path(path))
         with edited(stage, edits or {}, _time_code(stage, choices.frame)):
-            again = stages.read_again(stage, choices, edits, trap) if stages and edits else None
+            again = stages.read_again(stage, choices, edits, heard) if stages and edits else None
             if again is not None:
                 return again
-            survey, context = _read(stage, str(path), choices, trap)
+            survey, context = _read(stage, str(path), choices, heard)
             if stages and edits and survey.reading:
                 stages.keep(survey.reading, choices, edits, context)
             return _whole(survey)
@@ -87,8 +89,8 @@ def read_stage(stage: Usd.Stage, **options: Unpack[ReadOptions]) -> StageReading
     choices = Choices(**options)
     schema.register()
     source = _source(stage)
-    with usd_errors_as_scene_errors(source) as trap:
-        return _whole(_read(stage, source, choices, trap)[0])
+    with usd_errors_as_scene_errors(source) as heard:
+        return _whole(_read(stage, source, choices, heard)[0])
 
 
 def read_products(
@@ -139,11 +141,8 @@ def survey_stage(
     """
     schema.register()
     choices = Choices(camera, frame, purposes, strict=strict)
-    with Tf.DiagnosticTrap() as trap:
-        try:
-            return _read(stage, _source(stage), choices, trap, refusals=[])[0]
-        finally:
-            trap.Clear()
+    with listening() as heard:
+        return _read(stage, _source(stage), choices, heard, refusals=[])[0]
 
 
 def stage_context(stage: Usd.Stage, frame: Frame | None = None, policy: Policy | None = None) -> StageContext:
@@ -152,11 +151,12 @@ def stage_context(stage: Usd.Stage, frame: Frame | None = None, policy: Policy |
     return StageContext(stage=stage, time=time, purposes=DEFAULT_PURPOSES, policy=policy or Policy())
 
 
+@np.errstate(all="ignore")  # What overflows is found where it is not finite.
 def _read(
     stage: Usd.Stage,
     source: str,
     choices: Choices,
-    trap: Tf.DiagnosticTrap,
+    heard: Heard,
     refusals: list[FgfError] | None = None,
 ) -> tuple[StageSurvey, StageContext]:
     """Reads a stage; the first refusal is raised where they are not collected in `refusals`."""
@@ -206,7 +206,9 @@ def _read(
                 source=source,
             )
             _note_law_warnings(context, scene)
-    note_warnings(trap, context.notes, stage)
+    with context.going_on():
+        tell_of_no_text(heard, context)
+    note_warnings(heard, context.notes, stage)
     reading = None
     if scene is not None and not refusals:
         reading = StageReading(scene, product.resolution, context.notes.texts(), product.sources, context.up_axis)

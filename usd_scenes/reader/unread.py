@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from pxr import Gf, Sdf, Sdr, Tf, Usd, UsdGeom, UsdLux, UsdShade
 
-from usd_scenes.reader.attributes import is_authored
+from usd_scenes.reader.attributes import is_authored, read_words
 from usd_scenes.reader.context import StageContext
 
 GEOMETRY = (
@@ -66,6 +66,7 @@ KNOWN_OPS = tuple(
     for kind in UsdGeom.XformOp.Type.allValues
     if kind != UsdGeom.XformOp.TypeInvalid
 )
+COLLECTION, MEMBERS = "collection:", (":includes", ":excludes")
 SHORT, LONG = 5, 7
 """Letters from which on a name with one letter, or with two, that are not as they should be is recognized."""
 
@@ -112,11 +113,14 @@ class PropertyCheck:
             if path in self._passed:
                 return
             self._passed.add(path)
-        self._check_transform(prim)
+        names = prim.GetAuthoredPropertyNames()
+        self._check_variants(prim)
+        self._check_collections(prim, names)
+        self._check_transform(prim, names)
         kind = self._kind_of(prim)
         if kind is None:
             return
-        for name in prim.GetAuthoredPropertyNames():
+        for name in names:
             if name in kind.known:
                 if name not in READ and name.rpartition(":")[0] in NAMESPACES and _says_something(prim, name):
                     self._context.notes.add(f"{name} is not read", prim.GetPath())
@@ -127,11 +131,35 @@ class PropertyCheck:
                 text = f"is not read: a {kind.label} has no such input"
                 self._context.notes.add(text, prim.GetPath().AppendProperty(name))
 
-    def _check_transform(self, prim: Usd.Prim) -> None:
+    def _check_variants(self, prim: Usd.Prim) -> None:
+        """Tells of variants that are selected and not there."""
+        if not prim.HasAuthoredMetadata("variantSelection"):
+            return
+        sets = prim.GetVariantSets()
+        for name, chosen in sets.GetAllVariantSelections().items():
+            if not sets.HasVariantSet(name):
+                # It may be one that another variant brings.
+                text = f"selects {chosen} of a variant set {name}, which is not there; it is of no effect"
+                self._context.notes.add(text, prim.GetPath())
+            elif chosen and chosen not in (variants := sets.GetVariantSet(name).GetVariantNames()):
+                text = f"selects {chosen} of the variant set {name}; accepted: {', '.join(variants)}; none is used"
+                self._context.mend(text, prim.GetPath())
+
+    def _check_collections(self, prim: Usd.Prim, names: Iterable[str]) -> None:
+        """Tells of members of collections that are not there."""
+        for name in names:
+            if name.startswith(COLLECTION) and name.endswith(MEMBERS):
+                relationship = prim.GetRelationship(name)
+                for target in relationship.GetTargets() if relationship else ():
+                    if not _is_there(target, prim.GetStage()):
+                        text = f"= {target}, which is not there; it is left out"
+                        self._context.mend(text, relationship.GetPath())
+
+    def _check_transform(self, prim: Usd.Prim, names: Iterable[str]) -> None:
         """Tells of operations that do not move the prim, and of those that it is to be moved by and does not have."""
-        authored = [name for name in prim.GetAuthoredPropertyNames() if name.startswith(OPS)]
+        authored = [name for name in names if name.startswith(OPS)]
         order = prim.GetAttribute(OP_ORDER)
-        listed = [str(name) for name in order.Get() or ()] if order and is_authored(order) else []
+        listed = read_words(order, self._context, Usd.TimeCode.Default()) if order and is_authored(order) else ()
         if not authored and not listed:
             return
         used = {name.removeprefix(INVERSE) for name in listed} if prim.IsA(UsdGeom.Xformable) else set[str]()
@@ -179,7 +207,7 @@ def _new_kind(prim: Usd.Prim, shader: str) -> _Kind | None:
         return None
     if prim.IsA(UsdGeom.Imageable):
         more |= {*DISPLAY, BINDING}
-    meant = {_plain(name): name for name in sorted(known | more) if not name.startswith(("collection:", "outputs:"))}
+    meant = {_plain(name): name for name in sorted(known | more) if not name.startswith((COLLECTION, "outputs:"))}
     return _Kind(label, known | more, meant, has_inputs)
 
 
@@ -194,8 +222,20 @@ def _says_something(prim: Usd.Prim, name: str) -> bool:
     return attribute.Get() != prim.GetPrimDefinition().GetAttributeFallbackValue(name)
 
 
+def _is_there(path: Sdf.Path, stage: Usd.Stage) -> bool:
+    """True of a prim, a property, or a collection, of which no property needs to be authored."""
+    if not path.IsPropertyPath():
+        return bool(stage.GetPrimAtPath(path))
+    if stage.GetObjectAtPath(path):
+        return True
+    prim = stage.GetPrimAtPath(path.GetPrimPath())
+    return bool(prim) and prim.HasAPI(Usd.CollectionAPI, path.name.removeprefix(COLLECTION))
+
+
 def _moves(operation: Usd.Attribute, time: Usd.TimeCode) -> bool:
-    """False of an operation that leaves everything where it is."""
+    """False of an operation that leaves everything where it is; true of a relationship that has such a name."""
+    if not operation:
+        return True
     try:
         return bool(UsdGeom.XformOp(operation).GetOpTransform(time) != Gf.Matrix4d(1))
     except Tf.ErrorException:

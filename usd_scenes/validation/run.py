@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
-from pxr import Sdr, Tf, Usd, UsdGeom, UsdShade, UsdValidation
+from pxr import Sdr, Usd, UsdGeom, UsdShade, UsdValidation
 
 from usd_scenes import schema
 from usd_scenes.reader.diagnostics import note_warnings, open_stage, usd_errors_as_scene_errors
 from usd_scenes.reader.frames import Frame, kind_of, name_of
 from usd_scenes.reader.notes import Notes
+from usd_scenes.reader.policy import OF_USD
 from usd_scenes.reader.readings import StageReading
 from usd_scenes.reader.stage import survey_stage
 from usd_scenes.validation.findings import MENDED, ORDER, OURS, Finding
@@ -83,10 +84,10 @@ def validate_stage(
     """
     schema.register()
     schema.register_shader()
-    with usd_errors_as_scene_errors(str(path)) as trap:
+    with usd_errors_as_scene_errors(str(path)) as heard:
         stage = open_stage(Path(path))
         of_opening = Notes()
-        note_warnings(trap, of_opening, stage)
+        note_warnings(heard, of_opening, stage)
         by_plugin = _validators_of_usd()
         steps = [*by_plugin, *(name_of(frame) for frame in frames)]
 
@@ -159,7 +160,7 @@ def _validators_of_usd() -> dict[str, list[UsdValidation.Validator]]:
 def _run(validators: list[UsdValidation.Validator], stage: Usd.Stage) -> list[Finding]:
     try:
         found = UsdValidation.ValidationContext(validators).Validate(stage)
-    except Tf.ErrorException:
+    except OF_USD:
         if len(validators) == 1:
             # As where a layer is damaged that the stage does without: the reader names it.
             return [
