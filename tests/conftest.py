@@ -2,6 +2,7 @@
 
 import csv
 import os
+import subprocess
 from decimal import Decimal
 from pathlib import Path
 
@@ -31,6 +32,18 @@ def reference():
         return {key: _column([row[key] for row in rows]) for key in rows[0]}
 
     return read
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A folder on a file system of its own, of 220 kB: room for a small plan and two or three samples."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=220k", "tmpfs", str(disk)]
+    if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode != 0:
+        pytest.skip("only root may mount a file system")
+    yield disk
+    subprocess.run(["umount", str(disk)], check=True)
 
 
 def _column(values: list[str]) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Elementary functions that Warp lacks, that must not lose digits, or that loops over lanes can vectorise.
 
-What a lane pool calls (`device/lanes.py`) is without calls into the C library and without branches that carry
+What a lane pool calls (`integrator/pool_stages.py`) is without calls into the C library and without branches that carry
 vectors, since both keep a loop scalar: hence `log_positive`, `exp_bounded`, `sincos_turns`, `unit` and `choose`.
 """
 

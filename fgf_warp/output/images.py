@@ -55,6 +55,20 @@ def write_image(path: Path, pixels: np.ndarray, channels: Sequence[str], attribu
         if not (written and closed) or problem:
             reason = _full_disk(temporary, pixels.nbytes) or _in_a_line(problem or image.geterror())
             raise OutputError(f"{path}: cannot be written: {reason}")
+        _check_last_bytes(path, temporary, pixels.nbytes)
+
+
+def _check_last_bytes(path: Path, file: Path, size: int) -> None:
+    """Reads a new file back where the disk is nearly full: of the last bytes that found no room nothing is said.
+
+    Raises:
+        OutputError: where the file is not whole.
+    """
+    if shutil.disk_usage(file.parent).free < size:
+        try:
+            read_image(file)
+        except CorruptFileError as error:
+            raise OutputError(f"{path}: cannot be written: {os.strerror(errno.ENOSPC)}") from error
 
 
 def _full_disk(file: Path, size: int) -> str:

@@ -630,22 +630,6 @@ def test_a_chunk_of_an_object_store_or_a_folder_is_the_same(tmp_path, plan, fake
         assert sum(name.endswith(layout.RECORD) for name in store.sizes()) == 2
 
 
-KILOBYTES = 220
-"""Of a disk that holds the plan and two or three samples of a dozen."""
-
-
-@pytest.fixture
-def small_disk(tmp_path):
-    """A folder on a file system of its own."""
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", f"size={KILOBYTES}k", "tmpfs", str(disk)]
-    if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode != 0:
-        pytest.skip("only root may mount a file system")
-    yield disk
-    subprocess.run(["umount", str(disk)], check=True)
-
-
 def test_a_disk_that_is_full_and_then_larger(tmp_path, small_disk, fake_renderer):
     plan = small_plan(tmp_path, "draws=6", "image={width: 32, height: 32}")
     with pytest.raises(OutputError, match="No space left on device"):

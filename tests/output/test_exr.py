@@ -1,3 +1,5 @@
+import os
+
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
@@ -102,3 +104,22 @@ def test_failure_at_any_step_leaves_the_older_file(tmp_path, monkeypatch, call):
         write_exr(file, made_up_render(RenderSettings(width=2, height=2, spp=1)))
     assert file.read_bytes() == before
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.exr"]
+
+
+def test_a_file_for_which_the_disk_has_no_room_is_refused(small_disk):
+    """Whatever is missing of it, be it the last bytes alone, which OpenImageIO loses without a word."""
+    pixels = np.random.default_rng(0).random((32, 32, 4), dtype=np.float32)
+    page = os.sysconf("SC_PAGE_SIZE")
+    refused = 0
+    for free in range(8):
+        (small_disk / "filling").write_bytes(bytes(220 * 1024 - free * page))
+        try:
+            images.write_image(small_disk / "a.exr", pixels, tuple("RGBA"), {"compression": "zip"})
+        except OutputError as error:
+            assert "No space left on device" in str(error)
+            assert [file.name for file in small_disk.iterdir()] == ["filling"]
+            refused += 1
+        else:
+            assert np.array_equal(images.read_image(small_disk / "a.exr")[0], pixels)
+            (small_disk / "a.exr").unlink()
+    assert 4 <= refused < 8

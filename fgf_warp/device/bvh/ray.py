@@ -1,7 +1,7 @@
 """A ray against the boxes of a node and the triangles of a leaf: one test goes through all lanes of a row.
 
 Its loop is one that the CPU's compiler makes vector code: without branches, without calls, with a count that it knows
-and that is too much to unroll, and over arrays made in the kernel, as in `device/lanes.py`.
+and that is too much to unroll, and over arrays made in the kernel, as in `integrator/pool_layout.py`.
 
 Triangles are met watertight: Woop, Benthin and Wald 2013, "Watertight ray/triangle intersection"; boxes with the
 slack of Ize 2013, "Robust BVH ray traversal".
