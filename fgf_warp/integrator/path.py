@@ -84,10 +84,7 @@ PATH = (
         lambda f: f.chromatic),
     Row("channel_pdfs", wp.vec3, "density of its flights under each channel, over that under `channel`",
         lambda f: f.chromatic, initial=1.0),
-    Row("phase.asymmetry", float, "of the medium at the event", has_phase("asymmetry")),
-    Row("phase.back_asymmetry", float, "likewise", has_phase("back_asymmetry")),
-    Row("phase.back_weight", float, "likewise", has_phase("back_weight")),
-    Row("phase.draine_alpha", float, "likewise", has_phase("draine_alpha")),
+    *(Row(f"phase.{name}", float, "of the medium at the event", has_phase(name)) for name in Phase.vars),
     # What it meets.
     Row("hit.t", float, "distance [stage unit]"),
     Row("hit.kind", int, "MISS, BOUNDARY, SURFACE or LIGHT"),

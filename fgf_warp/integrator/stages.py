@@ -30,7 +30,7 @@ from fgf_warp.integrator.intersection import (
 from fgf_warp.integrator.kinds import LAW_KINDS
 from fgf_warp.integrator.laws import LineLaws, build_laws
 from fgf_warp.integrator.media import build_medium
-from fgf_warp.integrator.media.value import MediumFunctions
+from fgf_warp.integrator.media.value import MediumFunctions, MediumParts
 from fgf_warp.integrator.media_lookup import build_first_segment, build_media_lookup
 from fgf_warp.integrator.path import PathRecord, build_path
 from fgf_warp.integrator.planes import FIRST_CONTAINER, NOT_SEEN
@@ -73,7 +73,7 @@ def build_stages(features: RenderFeatures) -> Stages:
     camera_of, channel_weight = build_camera_of(features, path), build_channel_weight(features, path)
     intersect_meshes, all_lights = build_intersect_meshes(features), build_light_functions(features)
     flight = build_flight_start(features, path, sampler, camera_of)
-    medium = build_medium(features, path, sampler, laws, flight, layout)
+    medium = build_medium(MediumParts(features, path, sampler, laws, flight, layout))
     shapes = build_shape_intersection(features, path, all_lights, intersect_meshes)
     surfaces = build_surface_reading(features, path, boundaries, shapes)
     first_segment = build_first_segment(features, path, medium, boundaries, shapes, surfaces, camera_of)

@@ -12,7 +12,7 @@ import warp as wp
 
 from fgf_warp.device import law, medium, phase, tables
 from fgf_warp.integrator.kinds import LAW_KINDS
-from fgf_warp.scene import Medium, Scene, Shape, encloses
+from fgf_warp.scene import PHASE_PARAMETERS, Medium, Scene, Shape, encloses
 from fgf_warp.settings import RenderSettings
 from fgf_warp.theory import fbm, kernels
 from fgf_warp.theory.law import LineLaw
@@ -150,8 +150,8 @@ def _mixture(line: LineLaw, longest_depth: float) -> RateMixture:
 
 def _phase(item: Medium) -> Any:
     result = phase.Phase()
-    result.asymmetry, result.draine_alpha = item.asymmetry, item.draine_alpha
-    result.back_asymmetry, result.back_weight = item.back_asymmetry, item.back_weight
+    for parameter in PHASE_PARAMETERS:
+        setattr(result, parameter, getattr(item, parameter))
     return result
 
 

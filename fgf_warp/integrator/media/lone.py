@@ -12,7 +12,7 @@ from fgf_warp.device.rng import EVENT
 from fgf_warp.features import RenderFeatures
 from fgf_warp.integrator.flight import FlightStart
 from fgf_warp.integrator.laws import LineLaws
-from fgf_warp.integrator.media.value import MediumFunctions
+from fgf_warp.integrator.media.value import MediumFunctions, MediumParts
 from fgf_warp.integrator.path import PathRecord
 from fgf_warp.integrator.pool_layout import PoolLayout
 from fgf_warp.integrator.rows import LANES
@@ -20,15 +20,9 @@ from fgf_warp.integrator.sampler import Sampler
 from fgf_warp.integrator.scene_data import scene_struct
 
 
-def build_medium(
-    features: RenderFeatures,
-    record: PathRecord,
-    sampler: Sampler,
-    laws: LineLaws,
-    flight: FlightStart,
-    layout: PoolLayout,
-) -> MediumFunctions:
-    """The value of a kernel of these features."""
+def build_medium(parts: MediumParts) -> MediumFunctions:
+    """The value of a kernel."""
+    features, record, sampler, laws, flight, layout = parts
     Path, SceneData = record.struct, scene_struct(features)
     begin_exact_flight, look_up_exact_flight = build_exact_flight(record)
     sample_flight = build_sample_flight(features, record, sampler, laws)

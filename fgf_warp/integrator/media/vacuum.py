@@ -4,26 +4,14 @@ import warp as wp
 
 from fgf_warp.device.medium import Medium
 from fgf_warp.device.phase import Phase
-from fgf_warp.features import RenderFeatures
-from fgf_warp.integrator.flight import FlightStart
-from fgf_warp.integrator.laws import LineLaws
-from fgf_warp.integrator.media.value import MediumFunctions
-from fgf_warp.integrator.path import PathRecord
-from fgf_warp.integrator.pool_layout import PoolLayout
+from fgf_warp.integrator.media.value import MediumFunctions, MediumParts
 from fgf_warp.integrator.rows import LANES
-from fgf_warp.integrator.sampler import Sampler
 from fgf_warp.integrator.scene_data import scene_struct
 
 
-def build_medium(
-    features: RenderFeatures,
-    record: PathRecord,
-    sampler: Sampler,
-    laws: LineLaws,
-    flight: FlightStart,
-    layout: PoolLayout,
-) -> MediumFunctions:
-    """The value of a kernel of these features."""
+def build_medium(parts: MediumParts) -> MediumFunctions:
+    """The value of a kernel."""
+    features, record, _, laws, flight, layout = parts
     Path, SceneData = record.struct, scene_struct(features)
     load, store, lanes_of = record.load, record.store, layout.lanes_of
     begin_event, begin_ray = flight

@@ -6,6 +6,24 @@ A new kind of medium, such as a grid of densities, is a file beside this one wit
 
 from typing import Any, NamedTuple
 
+from fgf_warp.features import RenderFeatures
+from fgf_warp.integrator.flight import FlightStart
+from fgf_warp.integrator.laws import LineLaws
+from fgf_warp.integrator.path import PathRecord
+from fgf_warp.integrator.pool_layout import PoolLayout
+from fgf_warp.integrator.sampler import Sampler
+
+
+class MediumParts(NamedTuple):
+    """What a medium is built from, see there."""
+
+    features: RenderFeatures
+    path: PathRecord
+    sampler: Sampler
+    laws: LineLaws
+    flight: FlightStart
+    layout: PoolLayout
+
 
 class MediumFunctions(NamedTuple):
     """Functions of the device.
