@@ -124,7 +124,12 @@ class RenderFeatures:
         """How media are built into the kernel, a key of `integrator.media.KINDS`."""
         if not self.media:
             return "none"
-        return "lone" if self.lone_law else "many"
+        return "many" if self.looks_up_media else "lone"
+
+    @property
+    def looks_up_media(self) -> bool:
+        """True where paths meet different media, or channels of one that differ, so that each path looks its own up."""
+        return self.media and self.lone_law == ""
 
     @property
     def refracts(self) -> bool:

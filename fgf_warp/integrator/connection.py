@@ -110,7 +110,7 @@ def build_shadow(
         laws.is_from_medium,
         laws.draw_rates,
     )
-    draws_rates = features.frozen and features.medium_kind == "many"
+    draws_rates = features.frozen and features.looks_up_media
 
     @wp.func
     def find_shadow(

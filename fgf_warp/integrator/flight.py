@@ -38,7 +38,7 @@ def build_flight_start(features: RenderFeatures, record: PathRecord, sampler: Sa
         path.bounce = before.bounce + 1
         path.xi = draw(seed, before.pixel, before.sample_index, path.bounce, EVENT)
         path.flight = INFINITE
-        if wp.static(features.medium_kind == "many"):
+        if wp.static(features.looks_up_media):
             path.flight = wp.where(before.flight_continues == 1, before.flight, INFINITE)
         if wp.static(features.passes):
             path.passes_straight = 0

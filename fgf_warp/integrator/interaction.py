@@ -143,7 +143,7 @@ def build_record_depth(features: RenderFeatures, record: PathRecord, camera_of: 
 def build_cross(features: RenderFeatures, record: PathRecord) -> Any:
     """The function (path, event) -> Path: a boundary lets it through, and ends the memory of another medium."""
     Path = record.struct
-    has_many = features.medium_kind == "many"
+    has_many = features.looks_up_media
 
     @wp.func(inline=True)
     def cross(before: Path, event: Event) -> Path:
@@ -293,7 +293,7 @@ def build_scatter(features: RenderFeatures, record: PathRecord, medium: MediumFu
     """The function (before, path, event, lone, limits, is_lost) -> Path, scattered, or ended, or on its way."""
     Path = record.struct
     choose_direction = build_direction(features, record, medium)
-    has_many = features.medium_kind == "many"
+    has_many = features.looks_up_media
     tells_prims, moves = bool(features.aovs & PRIM_AOVS), Aov.MOTION in features.aovs
 
     @wp.func(inline=True)

@@ -25,7 +25,7 @@ FIRST_SEGMENT_AOVS = frozenset({Aov.TRANSMITTANCE, Aov.OPTICAL_DEPTH})
 
 def needs_look_up(features: RenderFeatures) -> bool:
     """True where the kernel has this stage."""
-    return features.crossings and (features.medium_kind == "many" or bool(features.aovs & FIRST_SEGMENT_AOVS))
+    return features.crossings and (features.looks_up_media or bool(features.aovs & FIRST_SEGMENT_AOVS))
 
 
 def build_media_lookup(
@@ -41,7 +41,7 @@ def build_media_lookup(
     cross, carries_on = boundaries.cross, boundaries.carries_on
     medium_at_depth, rates_of, is_from_medium = laws.medium_at_depth, laws.rates_of, laws.is_from_medium
     transmittance, flight_densities = medium.transmittance, medium.flight_densities
-    has_many = features.medium_kind == "many"
+    has_many = features.looks_up_media
     tells_prims = bool(features.aovs & PRIM_AOVS)
 
     @wp.func
@@ -98,7 +98,7 @@ def build_first_segment(
     Path, SceneData = record.struct, scene_struct(features)
     cross, carries_on = boundaries.cross, boundaries.carries_on
     transmittance, intersect, look_of = medium.transmittance, shapes.anything, surfaces.look_of
-    has_many = features.medium_kind == "many"
+    has_many = features.looks_up_media
 
     @wp.func
     def gate_of(scene: SceneData, hit: Hit) -> int:

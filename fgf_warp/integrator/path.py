@@ -27,7 +27,7 @@ ALL_LINKS = wp.constant(wp.uint32(0xFFFFFFFF))
 
 def has_phase(parameter: str) -> Needs:
     """Needed where media differ and their phase functions have this parameter."""
-    return lambda f: f.medium_kind == "many" and parameter in f.phase_parameters
+    return lambda f: f.looks_up_media and parameter in f.phase_parameters
 
 
 NESTED = {"start": Start, "hit": Hit, "phase": Phase}
@@ -68,15 +68,15 @@ PATH = (
     Row("xi", wp.vec4, "random numbers of this event: flight, roulette, and two for the new direction"),
     Row("flight", float, "distance to the next scattering event, were the medium unbounded [stage unit]"),
     Row("medium", int, "that it flies in, or -1", lambda f: f.crossings, initial=-1),
-    Row("segment", float, "distance on the ray at which it entered the medium", lambda f: f.medium_kind == "many"),
+    Row("segment", float, "distance on the ray at which it entered the medium", lambda f: f.looks_up_media),
     Row("flight_continues", int, "1: what was crossed did not change the medium, and the flight goes on",
-        lambda f: f.medium_kind == "many"),
+        lambda f: f.looks_up_media),
     Row("from_medium", int, "1: the segment began at a medium vertex, and its flight remembers the last one",
         lambda f: f.media, lives=lambda f: f.lone_law != "exponential"),
     Row("rates", wp.vec3, "per channel, at which the path is frozen in its medium, or NOT_FROZEN",
         lambda f: f.frozen, initial=NOT_FROZEN),
     Row("body", int, "the container that it came into its medium by, whose `rates` it has; -1: not yet known",
-        lambda f: f.frozen and f.medium_kind == "many", initial=-1),
+        lambda f: f.frozen and f.looks_up_media, initial=-1),
     Row("t_in", float, "distance at which the ray enters the lone solid", lambda f: bool(f.lone_solid)),
     Row("t_out", float, "distance at which it leaves it", lambda f: bool(f.lone_solid)),
     Row("channel", int, "whose law the flights are sampled from", lambda f: f.chromatic),
@@ -96,7 +96,7 @@ PATH = (
     Row("emitted", wp.vec3, "radiance from what is met, or from lights beyond all, times its mis_weight",
         lambda f: f.surfaces or f.connections),
     Row("albedo", wp.vec3, "of the surface that is met, or where media differ, of the medium",
-        lambda f: f.surfaces or f.medium_kind == "many"),
+        lambda f: f.surfaces or f.looks_up_media),
     Row("passes_straight", int, "1: the surface that is met lets it pass", lambda f: f.passes),
     Row("transmits", int, "1: it is scattered to the other side of the surface", lambda f: f.refracts),
     Row("incoming", wp.vec3, "throughput before the surface", lambda f: f.shading and f.connections),

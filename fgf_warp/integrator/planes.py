@@ -105,7 +105,7 @@ PLANE_ROWS = (
     Row("seen", float, "distance of the surface or of the scattering in a medium that it meets first",
         shows(*PRIM_AOVS), initial=INFINITE),
     Row("seen_item", int, "that surface, or FIRST_CONTAINER less the container", shows(*PRIM_AOVS), initial=NOT_SEEN),
-    Row("container", int, "whose medium it scatters in", lambda f: f.medium_kind == "many" and shows(*PRIM_AOVS)(f)),
+    Row("container", int, "whose medium it scatters in", lambda f: f.looks_up_media and shows(*PRIM_AOVS)(f)),
     Row("seen_at", wp.vec3, "where that is", shows(Aov.MOTION)),
     Row("first_motion", wp.vec3, "how that moves in the image [pixel]", shows(Aov.MOTION)),
 )  # fmt: skip

@@ -125,7 +125,7 @@ def build_emission(features: RenderFeatures, stages: Stages) -> Any:
     SceneData = scene_struct(features)
     load, store, lanes_of = stages.path.load, stages.path.store, stages.layout.lanes_of
     emit, find_start, draw_rates = stages.birth.emit, stages.birth.find_start, stages.laws.draw_rates
-    freezes_at_birth = features.frozen and features.medium_kind == "lone"
+    freezes_at_birth = features.frozen and bool(features.lone_law)
 
     @wp.func
     def emit_lanes(pool: wp.uint64, scene: SceneData, lone: Medium, seed: wp.uint64):

@@ -159,7 +159,7 @@ def build_shading(
         path = before
         container = look_of(scene, before.hit.item).container
         path.start.crossed = container
-        if wp.static(features.medium_kind == "many"):
+        if wp.static(features.looks_up_media):
             path.flight_continues = 0
         if wp.static(features.refracts):
             if is_hidden(scene, container, before.start.inside):

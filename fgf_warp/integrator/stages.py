@@ -145,7 +145,7 @@ def build_lone_medium(features: RenderFeatures) -> Any:
     @wp.func
     def lone_medium(scene: SceneData) -> Medium:
         medium = Medium()
-        if wp.static(features.medium_kind == "lone"):
+        if wp.static(bool(features.lone_law)):
             medium = scene.media[scene.first_medium + scene.containers[0].medium]
             medium.law.kind = wp.static(LAW_KINDS[features.lone_law])
         return medium

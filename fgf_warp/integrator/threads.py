@@ -25,7 +25,7 @@ def build_render_threads(features: RenderFeatures, stages: Stages) -> Any:
     shading, look_up_media, interact = stages.shading, stages.look_up_media, stages.interact
     next_event, russian_roulette, track = stages.next_event, stages.russian_roulette, stages.track
     looks_up = needs_look_up(features)
-    freezes_at_birth = features.frozen and features.medium_kind == "lone"
+    freezes_at_birth = features.frozen and bool(features.lone_law)
     tracks = Aov.MOTION in features.aovs
 
     @wp.kernel(module="unique", module_options=kernel_options(features.meshes))
