@@ -31,6 +31,11 @@ from fgf_warp.integrator.scene_data import scene_struct
 SHORTEST_DEPTH = wp.constant(1.0e-30)
 """Mean optical depth below which a flight has no length: between medium vertices many have none where b is small."""
 
+DENSE = wp.constant(1.0e18)
+"""Extinction [1/stage unit] beyond which densities are scaled, or their quotients would overflow float32."""
+DENSE_SCALE = wp.constant(5.421010862427522e-20)
+"""2^-64, which is exact."""
+
 
 class LineLaws(NamedTuple):
     """Functions of the device.
@@ -43,7 +48,7 @@ class LineLaws(NamedTuple):
             same rates whenever it comes there.
         channel_transmittance: (medium, t, from_medium, rate) -> float, of a medium whose channels do not differ.
         transmittance: (medium, t, from_medium, rates) -> vec3.
-        flight_densities: (medium, t, from_medium, rates) -> vec3.
+        flight_densities: (medium, t, from_medium, rates) -> vec3, whose quotients matter alone.
     """
 
     medium_at_depth: Any
@@ -159,14 +164,16 @@ def build_laws(features: RenderFeatures, record: PathRecord, sampler: Sampler) -
 
     @wp.func
     def flight_densities(medium: Medium, t: float, from_medium: bool, rates: wp.vec3) -> wp.vec3:
-        shortest = SHORTEST_DEPTH / max_component(medium.extinction)
+        largest = max_component(medium.extinction)
+        shortest = SHORTEST_DEPTH / largest
+        scale = wp.where(largest > DENSE, DENSE_SCALE, 1.0)
         densities = wp.vec3()
         for channel in range(3):
             extinction = medium.extinction[channel]
             law = law_of_channel(medium, channel)
             if t > shortest:
                 u = mean_optical_depth(extinction, t)
-                densities[channel] = extinction * end_in_segment(law, u, from_medium, rates[channel])
+                densities[channel] = extinction * scale * end_in_segment(law, u, from_medium, rates[channel])
             else:
                 passed = pass_segment(law, extinction * shortest, from_medium, rates[channel])
                 densities[channel] = wp.max(1.0 - passed, 1.0e-7)
