@@ -46,8 +46,6 @@ class Event:
     """And is scattered there."""
     goes_straight: bool
     """Through a surface."""
-    ends_light: bool
-    """It has come to what emits."""
 
 
 def build_interaction(
@@ -94,18 +92,22 @@ def build_classify(features: RenderFeatures, record: PathRecord) -> Any:
     @wp.func(inline=True)
     def classify(path: Path) -> Event:
         event = Event()
-        event.is_alive = path.alive == 1
-        event.scatters_in_medium = event.is_alive and path.flight <= path.hit.t and path.flight < 0.5 * INFINITE
-        arrives = event.is_alive and not event.scatters_in_medium
-        event.crosses = arrives and path.hit.kind == BOUNDARY
-        event.escapes = arrives and path.hit.kind == MISS
-        event.meets_light = arrives and path.hit.kind == LIGHT
-        event.meets_surface = arrives and path.hit.kind == SURFACE
-        # What passes is not scattered, but meets emission.
-        event.ends_light = event.escapes or event.meets_light or event.meets_surface
+        is_alive = path.alive == 1
+        scatters_in_medium = is_alive and path.flight <= path.hit.t and path.flight < 0.5 * INFINITE
+        arrives = is_alive and not scatters_in_medium
+        crosses = arrives and path.hit.kind == BOUNDARY
+        escapes = arrives and path.hit.kind == MISS
+        meets_light = arrives and path.hit.kind == LIGHT
+        meets_surface = arrives and path.hit.kind == SURFACE
         if wp.static(features.passes):
-            event.goes_straight = event.meets_surface and path.passes_straight == 1
-            event.meets_surface = event.meets_surface and path.passes_straight == 0
+            event.goes_straight = meets_surface and path.passes_straight == 1
+            meets_surface = meets_surface and path.passes_straight == 0
+        event.is_alive = is_alive
+        event.scatters_in_medium = scatters_in_medium
+        event.crosses = crosses
+        event.escapes = escapes
+        event.meets_light = meets_light
+        event.meets_surface = meets_surface
         return event
 
     return classify
@@ -228,7 +230,11 @@ def build_gather(features: RenderFeatures, record: PathRecord, medium: MediumFun
         if wp.static(features.refracts):
             share = before.throughput * (1.0 / before.eta_scale)
         if wp.static(features.surfaces or features.connections):
-            ends_there = wp.where(event.ends_light, 1.0, 0.0)
+            ends_light = event.escapes or event.meets_light or event.meets_surface
+            if wp.static(features.passes):
+                # What passes is not scattered, but meets emission.
+                ends_light = ends_light or event.goes_straight
+            ends_there = wp.where(ends_light, 1.0, 0.0)
             path.radiance = path.radiance + wp.cw_mul(share, wp.cw_mul(before.emitted, weight)) * ends_there
         if wp.static(features.environment):
             beyond = wp.cw_mul(share, wp.cw_mul(environment, weight))
