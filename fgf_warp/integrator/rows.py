@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from itertools import count
 from typing import Any, NamedTuple
 
+import numpy as np
 import warp as wp
 
 from fgf_warp.features import RenderFeatures
@@ -100,5 +101,6 @@ def literal(value: Any, dtype: Any) -> str:
         values: Sequence[float] = [value] * COMPONENTS[dtype]
         return f"wp.{dtype.__name__}({', '.join(repr(float(v)) for v in values)})"
     if dtype is wp.uint32:
-        return f"wp.uint32({int(value)})"
+        # Warp's integers are signed where they are written.
+        return f"wp.uint32({np.uint32(value).view(np.int32)})"
     return repr(dtype(value))

@@ -193,9 +193,10 @@ def test_chromatic_extinction_is_three_media(regime, transport):
     stats.assert_means(found, errors, expected, detects=0.02)
 
 
-def test_chromatic_extinction_where_flights_are_shorter_than_the_rounding_of_distances():
-    """A ball of optical radius 10^6: the red channel, which is drawn for a third of the paths, against it alone."""
-    medium = dict(mean_extinction=1e6, albedo=(0.5,) * 3, hurst=-0.25, kappa=1.0)
+@pytest.mark.parametrize("density", [1e6, 1e38])
+def test_chromatic_extinction_where_flights_are_shorter_than_the_rounding_of_distances(density):
+    """A ball of such an optical radius: the red channel, which is drawn for a third of the paths, against it alone."""
+    medium = dict(mean_extinction=density, albedo=(0.5,) * 3, hurst=-0.25, kappa=1.0)
     together = render(furnace(extinction_color=(1.0, 0.1, 0.01), **medium), replace(SETTINGS, spp=128))
     mean, error = stats.image_mean(together)
     alone, alone_error = stats.image_mean(render(furnace(**medium), replace(SETTINGS, spp=128, seed=1)))
