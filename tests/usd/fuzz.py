@@ -17,6 +17,8 @@ CPU_LIMIT = 20
 """Seconds of the processor that one stage may take, with its validation, after which the process is ended."""
 MEMORY_LIMIT = 2 << 30
 """Bytes that are in memory at once, with the renderer's own."""
+OWN_MEMORY = 600 << 20
+"""Of these, what the renderer has with any stage: USD by itself may take the rest."""
 TIME_LIMIT = 300
 """Seconds by the clock after which a process that waits is ended."""
 TEXT, BINARY, PACKAGE = ".usda", ".usdc", ".usdz"
@@ -146,7 +148,7 @@ sys.exit(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss > size)
 
 def is_opened_by_usd(path: Path) -> bool:
     """True where USD alone reads all of a file, or refuses it, within the bounds that hold for us."""
-    command = [sys.executable, "-c", WALK, str(path), str(CPU_LIMIT), str(MEMORY_LIMIT)]
+    command = [sys.executable, "-c", WALK, str(path), str(CPU_LIMIT), str(MEMORY_LIMIT - OWN_MEMORY)]
     try:
         return subprocess.run(command, capture_output=True, timeout=TIME_LIMIT, check=False).returncode == 0
     except subprocess.TimeoutExpired:

@@ -51,9 +51,9 @@ OPTIONS = [
 
 OF_THE_STAGE = re.compile(
     r"no (camera|light|geometry): |upAxis = |metersPerUnit = |\d+ cameras and none|several RenderSettings|USD: |"
-    r"the stage's renderSettingsPrimPath|render var of sourceName "
+    r"the stage's renderSettingsPrimPath|render var of sourceName |\d+ paths \("
 )
-"""How warnings begin that are of no prim."""
+"""How warnings begin that are of no prim, but of the stage or the picture."""
 
 
 @dataclass(frozen=True)
