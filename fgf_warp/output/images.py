@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -47,13 +47,13 @@ def write_image(path: Path, pixels: np.ndarray, channels: Sequence[str], attribu
     with replacing(path) as temporary:
         image = oiio.ImageOutput.create(str(temporary))
         if image is None:
-            raise OutputError(f"{path}: no writer for files of this ending: {_in_a_line(oiio.geterror())}")
+            raise OutputError(f"{path}: no writer for files of this ending: {_in_a_line(_said(oiio.geterror))}")
         written = image.open(str(temporary), spec) and image.write_image(np.ascontiguousarray(pixels))
-        problem = image.geterror()
+        problem = _said(image.geterror)
         # Closed in any case: only then are the last bytes out, and only then can that fail.
         closed = image.close()
         if not (written and closed) or problem:
-            reason = _full_disk(temporary, pixels.nbytes) or _in_a_line(problem or image.geterror())
+            reason = _full_disk(temporary, pixels.nbytes) or _in_a_line(problem or _said(image.geterror))
             raise OutputError(f"{path}: cannot be written: {reason}")
         _check_last_bytes(path, temporary, pixels.nbytes)
 
@@ -91,15 +91,23 @@ def read_image(path: Path) -> tuple[np.ndarray, tuple[str, ...], dict[str, Any]]
     """
     image = oiio.ImageInput.open(str(path))
     if image is None:
-        raise CorruptFileError(f"{path}: cannot be read: {_in_a_line(oiio.geterror())}")
+        raise CorruptFileError(f"{path}: cannot be read: {_in_a_line(_said(oiio.geterror))}")
     spec = image.spec()
     pixels = image.read_image("float")
-    problem = image.geterror()
+    problem = _said(image.geterror)
     image.close()
     if pixels is None or problem:
         raise CorruptFileError(f"{path}: is incomplete: {_in_a_line(problem)}")
     header = {attribute.name: attribute.value for attribute in spec.extra_attribs}
     return pixels.reshape(spec.height, spec.width, spec.nchannels), tuple(spec.channelnames), header
+
+
+def _said(geterror: Callable[[], str]) -> str:
+    """What OpenImageIO says, which quotes a damaged file's bytes, be they text or not."""
+    try:
+        return geterror()
+    except UnicodeDecodeError as error:
+        return error.object.decode(errors="replace")
 
 
 def _in_a_line(problem: str) -> str:

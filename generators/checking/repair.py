@@ -66,6 +66,11 @@ def repair_dataset(location: str, found: Verification) -> Iterator[str]:
         OutputError: where a file cannot be written.
     """
     _refuse_run(Store(location))
+    if notes := [finding.name for finding in found.of(Kind.DAMAGED) if finding.name.startswith(layout.FAILURES)]:
+        for note in notes:
+            Store(location).remove(note)
+            yield f"removed {note}"
+        found = verify_dataset(Dataset(location))  # Beside damaged notes nothing published is compared.
     if any(finding.name == layout.PLAN for finding in found.of(Kind.DAMAGED)):
         restore_plan(location)
         yield f"made {layout.PLAN} anew"
@@ -76,8 +81,7 @@ def repair_dataset(location: str, found: Verification) -> Iterator[str]:
                 restore_plan(location)
                 yield f"made {layout.PLAN} anew, of which {layout.CROISSANT} could not tell that it had been changed"
     dataset = Dataset(location)
-    notes = [finding for finding in found.of(Kind.DAMAGED) if finding.name.startswith(layout.FAILURES)]
-    for useless in [*found.of(Kind.LEFTOVER), *notes]:
+    for useless in found.of(Kind.LEFTOVER):
         dataset.store.remove(useless.name)
         yield f"removed {useless.name}"
     stages = [damaged.name for damaged in found.of(Kind.DAMAGED) if damaged.name.startswith(f"{layout.SCENE}/")]

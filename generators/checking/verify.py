@@ -72,14 +72,14 @@ def verify_dataset(dataset: Dataset, *, deep: bool = False, progress: Progress |
                 progress(done, len(there))
     damaged = {finding.sample for finding in of_samples if finding.kind is Kind.DAMAGED}
     samples = Samples(frozenset(there), frozenset(complete), frozenset(complete) - damaged)
-    failures = _failures(dataset)
-    if isinstance(failures, Finding):
-        findings = [failures, *check_scene(dataset), *_surplus(dataset, sizes), *of_samples]
+    if notes := dataset.damaged_notes():  # No labels can be compared then.
+        damage = [Finding(Kind.DAMAGED, name, "is damaged", READABLE) for name in notes]
+        findings = [*damage, *check_scene(dataset), *_surplus(dataset, sizes), *of_samples]
     else:
         published = check_published(dataset, sizes, samples)
         # What was there once is named already.
         known = samples.there | {finding.sample for finding in published if finding.sample is not None}
-        failed = {index: failure for index, failure in failures.items() if index not in known}
+        failed = {index: failure for index, failure in dataset.failures().items() if index not in known}
         findings = [
             *published,
             *check_scene(dataset),
@@ -100,15 +100,6 @@ def _by_folder(dataset: Dataset, sizes: Mapping[str, int]) -> dict[str, dict[str
         if folder in planned and folder != name:
             found.setdefault(folder, {})[name[len(folder) + 1 :]] = size
     return found
-
-
-def _failures(dataset: Dataset) -> dict[int, Failure] | Finding:
-    """The notes on failures, or the first that is damaged; no labels can be compared then."""
-    try:
-        return dataset.failures()
-    except CorruptFileError as error:
-        name = str(error).removeprefix(f"{dataset.store.location}/").partition(":")[0]
-        return Finding(Kind.DAMAGED, name, "is damaged", READABLE)
 
 
 def _unfinished(dataset: Dataset, known: Collection[int], failures: Mapping[int, Failure]) -> Iterator[Finding]:

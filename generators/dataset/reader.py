@@ -94,18 +94,30 @@ class Dataset:
             CorruptFileError: for a note that cannot be read, by name.
         """
         found = {}
+        for _, note in self._notes():
+            if isinstance(note, CorruptFileError):
+                raise note
+            found[note.index] = note
+        return found
+
+    def damaged_notes(self) -> list[str]:
+        """Names of all notes on failures that cannot be read."""
+        return [name for name, note in self._notes() if isinstance(note, CorruptFileError)]
+
+    def _notes(self) -> Iterator[tuple[str, Failure | CorruptFileError]]:
         for name in self.store.sizes(layout.FAILURES):
             if not layout.is_failure(name):
                 continue  # it is being written, by another shard's run, or is not of the dataset
+            located = f"{self.store.location}/{name}"
             try:
-                content = self.store.read(name)
+                failure = decode_failure(self.store.read(name), located)
+                if layout.failure(failure.index) != name or failure.index >= self.plan.num_rows:
+                    raise CorruptFileError(f"{located}: is of sample {failure.index}")
+                yield name, failure
             except FileNotFoundError:
                 continue  # the sample has been finished since
-            failure = decode_failure(content, f"{self.store.location}/{name}")
-            if layout.failure(failure.index) != name or failure.index >= self.plan.num_rows:
-                raise CorruptFileError(f"{self.store.location}/{name}: is of sample {failure.index}")
-            found[failure.index] = failure
-        return found
+            except CorruptFileError as error:
+                yield name, error
 
     def _read(self, indices: Sequence[int], name: str) -> Iterator[tuple[str, bytes]]:
         """One file of each sample: its name for an error, and its content."""

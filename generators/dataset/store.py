@@ -342,7 +342,9 @@ class Store:
         """Removes a file, or a hidden folder that a run left half-written, if it is there."""
         path = self._path(name)
         with self._writing(name):
-            if self._fs.isfile(path) or (self.folder and Path(path).is_symlink()):
+            if self.folder and (Path(path).is_symlink() or not Path(path).is_dir()):
+                Path(path).unlink(missing_ok=True)  # whatever it is: a pipe is no file
+            elif not self.folder and self._fs.isfile(path):
                 self._fs.rm_file(path)
             elif self.folder and fnmatch(Path(path).name, PARTIAL_GLOB) and Path(path).is_dir():
                 shutil.rmtree(path)

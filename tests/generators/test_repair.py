@@ -1,5 +1,6 @@
 """Damaged datasets that `fgf verify --repair` makes whole again, with the real renderer on a small sphere."""
 
+import os
 import random
 import shutil
 
@@ -12,6 +13,7 @@ from fgf_warp.errors import NumericalError
 from fgf_warp.locks import hold
 from generators.checking.verify import verify_dataset
 from generators.cli import app
+from generators.dataset import layout
 from generators.dataset.reader import Dataset
 from generators.planning.document import load_config
 from generators.planning.plan import build_plan
@@ -315,3 +317,19 @@ def test_plan_and_stage_that_are_both_damaged_are_told(folder):
     outcome = repair(folder)
     assert outcome.exit_code == 4
     assert f"scene/{stage.name}: 9 bytes; plan.parquet follows from it and is damaged too" in outcome.stderr
+
+
+def test_damaged_notes_do_not_hide_other_damage(folder):
+    """Whatever they are, a file or a pipe, all are removed, and a changed plan is still found and made anew."""
+    plan = (folder / layout.PLAN).read_bytes()
+    flip(folder / layout.PLAN)
+    notes = [folder / layout.failure(index) for index in (3, 98, 99)]
+    notes[0].parent.mkdir(parents=True, exist_ok=True)
+    for note in notes[:2]:
+        note.write_bytes(b"{")
+    os.mkfifo(notes[2])
+    result = repair(folder)
+    assert result.exit_code == 0, result.output
+    assert not any(note.exists() for note in notes)
+    assert (folder / layout.PLAN).read_bytes() == plan
+    assert is_whole(folder)

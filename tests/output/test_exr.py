@@ -123,3 +123,18 @@ def test_a_file_for_which_the_disk_has_no_room_is_refused(small_disk):
             assert np.array_equal(images.read_image(small_disk / "a.exr")[0], pixels)
             (small_disk / "a.exr").unlink()
     assert 4 <= refused < 8
+
+
+def test_words_of_the_library_that_are_no_text_are_told_all_the_same(tmp_path, monkeypatch):
+    """It quotes bytes of the file that it cannot read."""
+
+    own = images.oiio.geterror
+
+    def geterror():
+        own()
+        return b"bad name \xa4".decode()
+
+    monkeypatch.setattr(images.oiio, "geterror", geterror)
+    (tmp_path / "a.exr").write_bytes(b"no image")
+    with pytest.raises(CorruptFileError, match=r"a\.exr: cannot be read: bad name"):
+        read_exr(tmp_path / "a.exr")
