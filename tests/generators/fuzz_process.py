@@ -11,7 +11,7 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -82,9 +82,10 @@ def snapshot(folder: Path) -> dict[str, object]:
     return {str(path): path.lstat().st_mtime_ns for path in found}
 
 
-def strangers(folder: Path) -> set[str]:
-    """Contents of files that are of someone else."""
+def strangers(folder: Path, ours: Set[str] = frozenset()) -> set[str]:
+    """Contents of files that are of someone else and have none of our names."""
     found = (path for path in walk(folder) if path.is_file() and path.stat().st_size < 1000)
+    found = (path for path in found if str(path.relative_to(folder)) not in ours)
     return {text for path in found if (text := path.read_bytes().decode(errors="replace")).startswith(STRANGER)}
 
 
@@ -109,7 +110,9 @@ def examine(folder: Path, whole: Path, generates: bool) -> str:
     Raises:
         FoundError: for what must not be.
     """
-    theirs, partial, names = strangers(folder), half_written(folder), names_of(whole)
+    partial, names = half_written(folder), names_of(whole)
+    # What a swap has put under a name of the dataset cannot be told from damage to it.
+    theirs = strangers(folder, names)
     config = folder / "config.yaml"
     has_config = config.is_file() and config.stat().st_size < 10_000 and config.read_bytes() == CONFIGS[whole]
     stages = {name for name in names if name.startswith("scene/")}
