@@ -65,13 +65,13 @@ def make_function(signature: str, lines: Iterable[str], names: dict[str, Any], *
         signature: ``name(arguments) -> type``.
         lines: of its body, without indentation.
         names: what the text refers to, beside `wp` and `LANES`.
-        inline: whether the compiler must put it in where it is called.
+        inline: whether the compiler must put it in where it is called; otherwise it may.
     """
     function = signature.partition("(")[0]
     text = "\n".join(
         [
             f"def build({', '.join(names)}):",
-            f"    @wp.func(inline={inline})",
+            "    @wp.func(inline=True)" if inline else "    @wp.func",
             f"    def {signature}:",
             *(f"        {line}" for line in lines),
             f"    return {function}",
