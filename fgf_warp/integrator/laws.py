@@ -47,8 +47,8 @@ class LineLaws(NamedTuple):
         draw_rates: (scene, path, medium, body, seed) -> vec3, at which the path is frozen in a body of a medium: the
             same rates whenever it comes there.
         channel_transmittance: (medium, t, from_medium, rate) -> float, of a medium whose channels do not differ.
-        transmittance: (medium, t, from_medium, rates) -> vec3.
-        flight_densities: (medium, t, from_medium, rates) -> vec3, whose quotients matter alone.
+        transmittance: see `MediumFunctions`.
+        flight_densities: likewise.
     """
 
     medium_at_depth: Any

@@ -15,7 +15,7 @@ from fgf_warp.integrator.sampler import Sampler
 
 
 class MediumParts(NamedTuple):
-    """What a medium is built from, see there."""
+    """What a medium is built from; each is explained in the file that it comes from."""
 
     features: RenderFeatures
     path: PathRecord
@@ -36,7 +36,8 @@ class MediumFunctions(NamedTuple):
         length_of_segment: (path) -> float, of the segment in a medium that ends at this event; 0 where none does.
         transmittance: (medium, t, from_medium, rates) -> vec3, of a segment of length t that ends uncorrelated.
         flight_densities: (medium, t, from_medium, rates) -> vec3, per channel the density with which a flight ends at
-            t [1/stage unit]; of one without length, the probability of that.
+            t; of one without length, the probability of that. Up to a factor that the channels share, since only their
+            quotients matter.
     """
 
     sample_free_flight: Any
